@@ -1,0 +1,46 @@
+# Two commands are the whole set-up: `make bench` and `make test`.
+
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: help bench test check install install-dev benchmark clean
+
+help: ## Show the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
+
+bench: install ## Install into .venv and show what can be run
+	$(BIN)/bench list
+
+test: install-dev check ## Install with all extras, then lint, types, import rules and tests
+	$(BIN)/pytest
+
+check: install-dev ## Lint, types and import rules
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+benchmark: install-dev ## Measure speed against peers, a few minutes
+	$(BIN)/pytest benchmarks --benchmark-columns=median,iqr,rounds
+
+install: .venv/installed ## Create .venv with what running needs
+install-dev: .venv/installed-dev ## Create .venv with what developing needs
+
+clean: ## Remove .venv and caches
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis *.egg-info
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "Python 3.11 or later is needed; $(PYTHON) is older or missing."; \
+	  echo "Install one and name it: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
+	  echo "$(PYTHON) lacks the venv module. On Debian and Ubuntu: apt install python3-venv"; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/installed: .venv/bin/python pyproject.toml constraints.txt
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	@touch $@
+
+.venv/installed-dev: .venv/bin/python pyproject.toml constraints.txt
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch .venv/installed $@

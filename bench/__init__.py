@@ -1,0 +1,1 @@
+"""The protocol: what is fitted, how it is evaluated, and where results are kept."""

@@ -1,0 +1,93 @@
+"""The command line, ``bench``."""
+
+import json
+import sys
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from tasks.errors import InputError
+from tasks.registry import TASKS
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Compare imitation policies on four dexterous-hand tasks.",
+)
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+USAGE_ERROR = 2
+
+
+@app.command("list")
+def list_names(as_json: AsJson = False) -> None:
+    """List the tasks, methods and experiments there are."""
+    names = {"tasks": list(TASKS), "methods": [], "experiments": []}
+    if as_json:
+        print(json.dumps(names))
+        return
+    for kind, known in names.items():
+        print(f"{kind}: {', '.join(known) or 'none yet'}")
+
+
+@app.command()
+def describe(
+    name: Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")],
+    as_json: AsJson = False,
+) -> None:
+    """Show a task's dimensions, components, start ranges, success rule and physics."""
+    from bench.describe import describe as describe_name
+
+    facts = describe_name(name)
+    if as_json:
+        print(json.dumps(facts))
+    else:
+        _print_task(facts)
+
+
+def main() -> None:
+    """Runs the command line; bad input ends with its message and exit code 2."""
+    try:
+        app()
+    except InputError as error:
+        print(f"bench: {error}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+
+
+def _print_task(facts: dict[str, Any]) -> None:
+    print(f"{facts['name']}: {facts['summary']}")
+    print(f"T = {facts['horizon']} states, a control step of 10 ms between two of them")
+    print("H = {robot_dim} joints, O = {object_dim}, A = {action_dim} actuators".format(**facts))
+    print(f"success: {facts['success']}")
+    print(f"model: {facts['model_file']}, SHA-256 {facts['model_hash']}\n")
+    _print_table("state x = [x_r, x_o]", facts["components"])
+    _print_table("what the success rule reads", [facts["reading"]])
+    _print_table("starts, drawn uniformly", _start_rows(facts))
+    changes = facts["physics"].items()
+    _print_table("physics", [{"name": name, **(change or {})} for name, change in changes])
+
+
+def _start_rows(facts: dict[str, Any]) -> list[dict[str, str]]:
+    rows = []
+    for split, boxes in facts["splits"].items():
+        for box in boxes:
+            row = {"split": split}
+            for start in facts["starts"]:
+                low, high = box[start["name"]]
+                row[f"{start['name']} [{start['unit']}]"] = f"{low:g} to {high:g}"
+            rows.append(row)
+    return rows
+
+
+def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
+    table = Table(title=escape(title), title_justify="left")
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    for column in columns:
+        table.add_column(escape(column))
+    for row in rows:
+        cells = [row.get(column, "") for column in columns]
+        table.add_row(*(escape(", ".join(c) if isinstance(c, tuple) else str(c)) for c in cells))
+    Console().print(table)

@@ -1,0 +1,1 @@
+"""Stored results turned into tables and figures."""

@@ -1,0 +1,72 @@
+"""Door opening: undo the latch and swing the door open."""
+
+import numpy as np
+from mujoco.batch import Batch
+
+from tasks.base import Component, Range, Task, xyz
+from tasks.data import BoolArray, FloatArray
+
+OPEN_ANGLE = 1.35
+"""Hinge angle beyond which the door counts as open [rad] (appendix C)."""
+AJAR_ANGLE = 1.0
+"""Hinge angle beyond which the observation's flag says that the door is open [rad]."""
+
+
+class Door(Task):
+    """Appendix B-D, "Door Opening", on the AdroitHandDoor model."""
+
+    # Model
+    name = "door"
+    summary = "undo the latch and swing the door open"
+    model_file = "adroit_door.xml"
+    horizon = 70
+    robot_dim = 28
+    derived_fields = ("site_xpos",)
+
+    # Starts
+    start_components = xyz("door", "m", "body_pos frame")
+    in_distribution = Range((-0.3, 0.2, 0.252), (0.0, 0.35, 0.402))
+    out_of_distribution = (
+        Range((-0.3, 0.15, 0.252), (0.0, 0.2, 0.402)),
+        Range((-0.3, 0.35, 0.252), (0.0, 0.4, 0.402)),
+    )
+
+    def place(self, batch: Batch, values: FloatArray) -> None:
+        """Puts the door frame at values (B, 3) [m]."""
+        batch.body("frame").pos = values
+
+    # State
+    object_components = (
+        *xyz("handle", "m", "site_xpos S_handle"),
+        Component("hinge_velocity", "rad/s", "qvel door_hinge"),
+        *xyz("door", "m", "body_pos frame"),
+    )
+
+    def object_state(self, batch: Batch) -> FloatArray:
+        """Returns handle position, hinge velocity and door position, (B, 7)."""
+        handle = batch.site("S_handle").xpos
+        velocity = batch.joint("door_hinge").qvel
+        return np.concatenate([handle, velocity, batch.body("frame").pos], axis=1)
+
+    # Success
+    reading = Component("hinge_angle", "rad", "qpos door_hinge")
+    rule = "the hinge angle is larger than 1.35 rad at the last step"
+
+    def read(self, batch: Batch) -> FloatArray:
+        """Returns the hinge angle [rad], (B,)."""
+        return batch.joint("door_hinge").qpos[:, 0].copy()
+
+    def success(self, readings: FloatArray) -> BoolArray:
+        """Returns whether the door is open after the last step, (B,)."""
+        return readings[:, -1] > OPEN_ANGLE
+
+    # Observation
+    def observe(self, batch: Batch) -> FloatArray:
+        """Returns the observation of AdroitHandDoor, (B, 39)."""
+        hinge = batch.joint("door_hinge").qpos
+        palm = batch.site("S_grasp").xpos
+        handle = batch.site("S_handle").xpos
+        flag = np.where(hinge > AJAR_ANGLE, 1.0, -1.0)
+        hand = batch.qpos[:, 1 : self.robot_dim]
+        latch = batch.joint("latch").qpos
+        return np.concatenate([hand, latch, hinge, palm, handle, palm - handle, flag], axis=1)

@@ -1,0 +1,74 @@
+"""Object relocation: pick up the ball and carry it to the target."""
+
+import numpy as np
+from mujoco.batch import Batch
+
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
+from tasks.data import BoolArray, FloatArray
+
+TARGET_RADIUS = 0.1
+"""Distance below which the ball counts as at the target [m] (appendix C)."""
+STEPS_AT_TARGET = 10
+"""The ball must be there for more than this many steps (appendix C)."""
+
+
+class Relocation(Task):
+    """Appendix B-D, "Object Relocation", on the AdroitHandRelocate model.
+
+    The ball always starts at the centre of the table, where the model has it.
+    """
+
+    # Model
+    name = "relocation"
+    summary = "pick up the ball and carry it to the target"
+    model_file = "adroit_relocate.xml"
+    horizon = 100
+    robot_dim = 30
+    derived_fields = ("xpos", "site_xpos")
+
+    # Starts
+    start_components = xyz("target", "m", "site_pos target")
+    in_distribution = Range((-0.25, -0.25, 0.15), (0.25, 0.25, 0.35))
+    out_of_distribution = (Range((-0.25, -0.25, 0.35), (0.25, 0.25, 0.40)),)
+
+    def place(self, batch: Batch, values: FloatArray) -> None:
+        """Puts the target at values (B, 3) [m]."""
+        batch.site("target").pos = values
+
+    # State
+    object_components = (
+        *xyz("ball_from_target", "m", "xpos Object - site_xpos target"),
+        *xyz("ball_angle", "rad", "qpos OBJR{axis}"),
+        *xyz("ball_velocity", "m/s", "qvel OBJT{axis}"),
+        *xyz("ball_spin", "rad/s", "qvel OBJR{axis}"),
+    )
+
+    def object_state(self, batch: Batch) -> FloatArray:
+        """Returns the ball's position from the target, hinge angles and velocities, (B, 12)."""
+        angles = batch.qpos[:, -OBJECT_JOINTS // 2 :]
+        velocities = batch.qvel[:, -OBJECT_JOINTS:]
+        return np.concatenate([self._ball_from_target(batch), angles, velocities], axis=1)
+
+    def _ball_from_target(self, batch: Batch) -> FloatArray:
+        return batch.body("Object").xpos - batch.site("target").xpos
+
+    # Success
+    reading = Component("target_distance", "m", "|xpos Object - site_xpos target|")
+    rule = "the ball is closer than 0.1 m to the target after more than 10 steps"
+
+    def read(self, batch: Batch) -> FloatArray:
+        """Returns the distance from the ball to the target [m], (B,)."""
+        return np.linalg.norm(self._ball_from_target(batch), axis=1)
+
+    def success(self, readings: FloatArray) -> BoolArray:
+        """Returns whether the ball was at the target for more than 10 steps, (B,)."""
+        return (readings < TARGET_RADIUS).sum(axis=1) > STEPS_AT_TARGET
+
+    # Observation
+    def observe(self, batch: Batch) -> FloatArray:
+        """Returns the observation of AdroitHandRelocate, (B, 39)."""
+        ball = batch.body("Object").xpos
+        palm = batch.site("S_grasp").xpos
+        target = batch.site("target").xpos
+        hand = batch.qpos[:, : self.robot_dim]
+        return np.concatenate([hand, palm - ball, palm - target, ball - target], axis=1)

@@ -1,0 +1,115 @@
+"""In-hand reorientation: turn the pen to the goal orientation."""
+
+import numpy as np
+from mujoco.batch import Batch
+
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
+from tasks.data import BoolArray, FloatArray
+
+PEN_LENGTH = 0.13
+"""Distance between the sites at both ends of the pen, and of the goal [m]."""
+SIMILARITY = 0.90
+"""Cosine between pen and goal above which the pen counts as oriented (appendix C)."""
+STEPS_ORIENTED = 10
+"""The pen must be oriented for more than this many steps (appendix C)."""
+
+
+class Reorientation(Task):
+    """Appendix B-D, "In-hand Reorientation", on the AdroitHandPen model."""
+
+    # Model
+    name = "reorientation"
+    summary = "turn the pen in the hand to the goal orientation"
+    model_file = "adroit_pen.xml"
+    horizon = 100
+    robot_dim = 24
+    derived_fields = ("xpos", "site_xpos")
+
+    # Starts
+    start_components = (
+        Component("goal_pitch", "rad", "body_quat target, first angle"),
+        Component("goal_yaw", "rad", "body_quat target, second angle"),
+    )
+    in_distribution = Range((-1.0, -1.0), (1.0, 1.0))
+    out_of_distribution = (
+        Range((-1.0, 1.0), (1.2, 1.2)),
+        Range((1.0, -1.2), (1.2, 1.0)),
+        Range((-1.2, -1.2), (1.0, -1.0)),
+        Range((-1.2, -1.0), (-1.0, 1.2)),
+    )
+
+    def place(self, batch: Batch, values: FloatArray) -> None:
+        """Turns the goal by pitch and yaw (B, 2) [rad]: about x, then about its own y."""
+        pitch, yaw = values.T / 2
+        batch.body("target").quat = np.stack(
+            [
+                np.cos(pitch) * np.cos(yaw),
+                np.sin(pitch) * np.cos(yaw),
+                np.cos(pitch) * np.sin(yaw),
+                np.sin(pitch) * np.sin(yaw),
+            ],
+            axis=1,
+        )
+
+    # State
+    object_components = (
+        *xyz("pen", "m", "xpos Object"),
+        *xyz("pen_direction", "1", "site_xpos object_top - object_bottom, in the goal's frame"),
+        *xyz("pen_velocity", "m/s", "qvel OBJT{axis}"),
+        *xyz("pen_spin", "rad/s", "qvel OBJR{axis}"),
+    )
+
+    def object_state(self, batch: Batch) -> FloatArray:
+        """Returns the pen's position, direction in the goal's frame and velocities, (B, 12)."""
+        frame = goal_frame(self._goal_direction(batch))
+        direction = np.einsum("bij,bj->bi", frame, self._pen_direction(batch))
+        velocities = batch.qvel[:, -OBJECT_JOINTS:]
+        return np.concatenate([batch.body("Object").xpos, direction, velocities], axis=1)
+
+    def _pen_direction(self, batch: Batch) -> FloatArray:
+        return _direction(batch, "object")
+
+    def _goal_direction(self, batch: Batch) -> FloatArray:
+        return _direction(batch, "target")
+
+    # Success
+    reading = Component("similarity", "1", "pen direction . goal direction")
+    rule = "the cosine between pen and goal is larger than 0.90 after more than 10 steps"
+
+    def read(self, batch: Batch) -> FloatArray:
+        """Returns the cosine of the angle between pen and goal, (B,)."""
+        return (self._pen_direction(batch) * self._goal_direction(batch)).sum(axis=1)
+
+    def success(self, readings: FloatArray) -> BoolArray:
+        """Returns whether the pen was oriented for more than 10 steps, (B,)."""
+        return (readings > SIMILARITY).sum(axis=1) > STEPS_ORIENTED
+
+    # Observation
+    def observe(self, batch: Batch) -> FloatArray:
+        """Returns the observation of AdroitHandPen, (B, 45)."""
+        position = batch.body("Object").xpos
+        pen, goal = self._pen_direction(batch), self._goal_direction(batch)
+        from_place = position - batch.site("eps_ball").xpos
+        hand = batch.qpos[:, : self.robot_dim]
+        velocities = batch.qvel[:, -OBJECT_JOINTS:]
+        return np.concatenate(
+            [hand, position, velocities, pen, goal, from_place, pen - goal], axis=1
+        )
+
+
+def goal_frame(goal: FloatArray) -> FloatArray:
+    """Returns rotations (B, 3, 3) that map unit vectors goal (B, 3) to the x axis (appendix B).
+
+    The appendix fixes the x axis alone. The published code completes it with a y axis whose first
+    two components are equal, which needs a goal that is not horizontal; no start has one.
+    """
+    g1, g2, g3 = goal.T
+    slope = -(g1 + g2) / g3
+    a = 1 / np.sqrt(2 + slope**2)
+    y = np.stack([a, a, a * slope], axis=1)
+    return np.stack([goal, y, np.cross(goal, y)], axis=1)
+
+
+def _direction(batch: Batch, body: str) -> FloatArray:
+    """Unit vector from the bottom to the top of a pen, (B, 3)."""
+    return (batch.site(f"{body}_top").xpos - batch.site(f"{body}_bottom").xpos) / PEN_LENGTH

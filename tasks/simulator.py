@@ -1,0 +1,196 @@
+"""Many episodes at once on ``mujoco.batch.Batch``; says which of them diverged."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import ArrayLike
+
+from tasks.base import Task
+from tasks.data import Episodes, FloatArray, IntArray, Starts
+from tasks.errors import InputError
+from tasks.physics import NOMINAL, apply_physics
+
+SUBSTEPS = 5
+"""Physics steps of 2 ms in a control step of 10 ms, as in the Adroit environments."""
+CHUNK = 500
+"""Episodes that a policy sees together. Part of the protocol: the shape of a matrix product
+changes its last bits, and contacts amplify them."""
+
+_KINEMATICS_ONLY = int(
+    mujoco.mjtDisableBit.mjDSBL_CONTACT
+    | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+    | mujoco.mjtDisableBit.mjDSBL_EQUALITY
+    | mujoco.mjtDisableBit.mjDSBL_SENSOR
+)
+"""Positions of bodies and sites do not depend on what these flags switch off."""
+
+
+class Simulator:
+    """B episodes of one task, from their starts, all at the same time step.
+
+    Stepping one episode or many, on any number of threads, gives the same bits. An episode whose
+    simulation breaks down is marked in ``diverged`` and stepped no further.
+    """
+
+    def __init__(
+        self, task: Task, starts: Starts, physics: str = NOMINAL, threads: int = 0
+    ) -> None:
+        """Places the episodes at their starts.
+
+        Args:
+            task: what is simulated.
+            starts: where the B episodes begin.
+            physics: name of a variation of appendix I.
+            threads: how many to step on; 0 for one on each core.
+
+        Raises:
+            InputError: the starts are empty, another task's or out of range; physics is unknown.
+        """
+        if len(starts) == 0:
+            raise InputError("a simulator needs at least one start, got none")
+        task.check_starts(starts)
+        self.task = task
+        self.starts = starts
+        self.diverged = np.zeros(len(starts), np.bool_)
+        self.running = np.ones(len(starts), np.bool_)
+        """Episodes that `step` advances; clear an entry to stop that episode."""
+        self.batch = Batch(task.model, len(starts), threads)
+        apply_physics(task, physics, self.batch)
+        task.place(self.batch, starts.values)
+        low, high = task.model.actuator_ctrlrange.T
+        self._middle, self._half_range = (low + high) / 2, (high - low) / 2
+        self._disableflags = self.batch.expand("opt.disableflags")
+        # A field is filled by the calls that follow its binding.
+        for field in task.derived_fields:
+            self.batch.bind(field)
+        self._refresh(None)
+
+    def step(self, actions: ArrayLike) -> None:
+        """Advances the running episodes by one control step of 10 ms.
+
+        Args:
+            actions: (B, A) normalised servo set-points, clipped to [-1, 1]. A NaN makes its
+                episode diverge.
+
+        Raises:
+            InputError: the actions have another shape.
+        """
+        actions = np.asarray(actions)
+        expected = (len(self.starts), self.task.layout.action_dim)
+        if actions.shape != expected:
+            raise InputError(
+                f"actions of {self.task.name} for these starts have shape (B, A) = {expected},"
+                f" got {actions.shape}"
+            )
+        self.batch.ctrl[:] = self._middle + np.clip(actions, -1.0, 1.0) * self._half_range
+        rows = np.flatnonzero(self.running)
+        with _quiet():
+            self.batch.step(rows, nstep=SUBSTEPS)
+        self._mark_diverged()
+        self._refresh(rows)
+
+    def state(self) -> FloatArray:
+        """Returns x = [x_r, x_o] of the present, (B, D)."""
+        return self.task.state(self.batch)
+
+    def observe(self) -> FloatArray:
+        """Returns the environment's observation of the present, one row an episode."""
+        with _quiet():
+            return self.task.observe(self.batch)
+
+    def read(self) -> FloatArray:
+        """Returns what the success rule reads at present, (B,); NaN where diverged."""
+        return np.where(self.diverged, np.nan, self.task.read(self.batch))
+
+    def _mark_diverged(self) -> None:
+        """Any warning counts, and so does a state that the next step would warn about."""
+        warned = self.batch.warning[:, :, 1].any(axis=1)
+        moving = np.concatenate([self.batch.qpos, self.batch.qvel], axis=1)
+        sound = (np.abs(moving) <= mujoco.mjMAXVAL).all(axis=1)
+        self.diverged |= warned | ~sound
+        self.running &= ~self.diverged
+
+    def _refresh(self, rows: IntArray | None) -> None:
+        """Brings positions of bodies and sites up to the state: after a step they lag behind."""
+        self._disableflags |= _KINEMATICS_ONLY
+        with _quiet():
+            self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS)
+        self._disableflags &= ~_KINEMATICS_ONLY
+
+
+class Policy(Protocol):
+    """What drives a rollout."""
+
+    def reset(self, simulator: Simulator) -> None:
+        """Prepares for episodes that begin at the simulator's present state."""
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        """Returns the actions (B, A) of control step ``step``, counted from 0."""
+
+
+def rollout(
+    task: Task,
+    starts: Starts,
+    policy: Policy,
+    physics: str = NOMINAL,
+    steps: int | None = None,
+    chunk: int = CHUNK,
+    threads: int = 0,
+) -> Episodes:
+    """Returns what comes of driving every start with the policy.
+
+    The policy always meets ``chunk`` episodes at once; the last chunk is padded with copies of
+    its last start, which are not simulated.
+
+    Args:
+        task: what is simulated.
+        starts: where the B episodes begin.
+        policy: what gives the actions.
+        physics: name of a variation of appendix I.
+        steps: control steps; T - 1 unless told.
+        chunk: episodes that the policy sees together.
+        threads: how many to step on; 0 for one on each core.
+
+    Raises:
+        InputError: see Simulator; or steps or chunk is below 1.
+    """
+    steps = task.horizon - 1 if steps is None else steps
+    for name, value in (("steps", steps), ("chunk", chunk)):
+        if value < 1:
+            raise InputError(f"{name} must be 1 or more, got {value}")
+    task.check_starts(starts)
+    taken = np.zeros(len(starts), np.int64)
+    diverged = np.zeros(len(starts), np.bool_)
+    readings = np.full((len(starts), steps), np.nan)
+    for first in range(0, len(starts), chunk):
+        rows = np.arange(first, min(first + chunk, len(starts)))
+        padded = np.pad(rows, (0, chunk - len(rows)), mode="edge")
+        simulator = Simulator(task, starts[padded], physics, threads)
+        simulator.running[len(rows) :] = False
+        policy.reset(simulator)
+        for step in range(steps):
+            simulator.step(policy.act(simulator, step))
+            readings[rows, step] = simulator.read()[: len(rows)]
+            taken[rows] += simulator.running[: len(rows)]
+        diverged[rows] = simulator.diverged[: len(rows)]
+    success = task.success(readings) & ~diverged
+    return Episodes(starts, success, diverged, taken, readings)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keeps MuJoCo from writing MUJOCO_LOG.TXT and to the console: `diverged` says it all."""
+    log = mujoco.MjLogConfig.get()
+    before = log.logto_file, log.logto_console
+    log.logto_file = log.logto_console = False
+    log.set()
+    try:
+        yield
+    finally:
+        log.logto_file, log.logto_console = before
+        log.set()

@@ -1,0 +1,117 @@
+"""Tool use: pick up the hammer and drive the nail into the board."""
+
+import numpy as np
+from mujoco.batch import Batch
+
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
+from tasks.data import BoolArray, FloatArray, IntArray
+
+NAIL_DISTANCE = 0.01
+"""Distance from nail to goal below which the nail counts as driven in [m] (appendix C)."""
+CONTACT_MARGIN = 0.01
+"""Added to the bounding spheres that decide whether something may touch the nail [m]."""
+
+
+class Tool(Task):
+    """Appendix B-D, "Tool Use", on the AdroitHandHammer model."""
+
+    # Model
+    name = "tool"
+    summary = "pick up the hammer and drive the nail into the board"
+    model_file = "adroit_hammer.xml"
+    horizon = 100
+    robot_dim = 26
+    derived_fields = ("xpos", "xmat", "site_xpos", "geom_xpos", "sensordata")
+    sensors = ("S_nail",)
+
+    # Starts
+    start_components = (Component("nail_height", "m", "body_pos nail_board, z"),)
+    in_distribution = Range((0.1,), (0.25,))
+    out_of_distribution = (Range((0.05,), (0.1,)), Range((0.25,), (0.3,)))
+
+    def place(self, batch: Batch, values: FloatArray) -> None:
+        """Puts the board at height values (B, 1) [m]."""
+        batch.expand("body_pos")[:, batch.model.body("nail_board").id, 2:] = values
+
+    # State
+    object_components = (
+        *xyz("hammer_head", "m", "site_xpos tool"),
+        *xyz("hammer_angle", "rad", "xmat Object, as Euler angles"),
+        *xyz("hammer_velocity", "m/s", "qvel OBJT{axis}, clipped to [-1, 1]"),
+        *xyz("hammer_spin", "rad/s", "qvel OBJR{axis}, clipped to [-1, 1]"),
+        *xyz("nail_goal", "m", "site_xpos nail_goal"),
+    )
+
+    def object_state(self, batch: Batch) -> FloatArray:
+        """Returns the hammer's head, orientation and velocities, and the nail's goal, (B, 15)."""
+        head = batch.site("tool").xpos
+        goal = batch.site("nail_goal").xpos
+        return np.concatenate([head, _euler(batch), _velocities(batch), goal], axis=1)
+
+    # Success
+    reading = Component("nail_distance", "m", "|site_xpos S_target - site_xpos nail_goal|")
+    rule = "the nail is closer than 0.01 m to its goal at the last step"
+
+    def read(self, batch: Batch) -> FloatArray:
+        """Returns the distance from the nail to its goal [m], (B,)."""
+        nail, goal = batch.site("S_target").xpos, batch.site("nail_goal").xpos
+        return np.linalg.norm(nail - goal, axis=1)
+
+    def success(self, readings: FloatArray) -> BoolArray:
+        """Returns whether the nail is at its goal after the last step, (B,)."""
+        return readings[:, -1] < NAIL_DISTANCE
+
+    # Observation
+    def observe(self, batch: Batch) -> FloatArray:
+        """Returns the observation of AdroitHandHammer, (B, 46)."""
+        hand_and_nail = batch.qpos[:, :-OBJECT_JOINTS]
+        palm = batch.site("S_grasp").xpos
+        nail = batch.site("S_target").xpos
+        hammer = batch.body("Object").xpos
+        velocities, angles = _velocities(batch), _euler(batch)
+        impact = np.clip(_nail_impact(batch), -1.0, 1.0)
+        return np.concatenate(
+            [hand_and_nail, velocities, palm, hammer, angles, nail, impact], axis=1
+        )
+
+
+def _velocities(batch: Batch) -> FloatArray:
+    """Hammer velocities [m/s, rad/s], (B, 6), clipped as in the environment's observation."""
+    return np.clip(batch.qvel[:, -OBJECT_JOINTS:], -1.0, 1.0)
+
+
+def _euler(batch: Batch) -> FloatArray:
+    """Angles (B, 3) [rad] of rotations about x, y and z, each about the already rotated axis."""
+    r = batch.body("Object").xmat.reshape(-1, 3, 3)
+    x = np.arctan2(-r[:, 1, 2], r[:, 2, 2])
+    y = np.arctan2(r[:, 0, 2], np.hypot(r[:, 2, 2], r[:, 1, 2]))
+    z = np.arctan2(-r[:, 0, 1], r[:, 0, 0])
+    return np.stack([x, y, z], axis=1)
+
+
+def _nail_impact(batch: Batch) -> FloatArray:
+    """Touch sensor of the nail, (B, 1) [N].
+
+    A force needs the whole dynamics, so they are computed only where something may touch the
+    nail: elsewhere the sensor reads zero.
+    """
+    near = _near_nail(batch)
+    batch.forward(near)
+    impact = np.zeros((batch.nsim, 1))
+    impact[near] = batch.sensor("S_nail").data[near]
+    return impact
+
+
+def _near_nail(batch: Batch) -> IntArray:
+    """Simulations in which a moving body's bounding sphere meets one of the nail's.
+
+    Fixed bodies are left out: the nail slides level with the table, well above it.
+    """
+    model = batch.model
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    moves = model.body_weldid[model.geom_bodyid] != 0
+    nail = model.geom_bodyid == model.body("nail").id
+    others = collides & moves & ~nail
+    gaps = batch.geom_xpos[:, nail, None] - batch.geom_xpos[:, None, others]
+    reach = model.geom_rbound[nail][:, None] + model.geom_rbound[others] + CONTACT_MARGIN
+    return np.flatnonzero(((gaps**2).sum(axis=-1) < reach**2).any(axis=(1, 2)))

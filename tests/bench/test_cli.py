@@ -1,0 +1,78 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from bench.cli import main
+from tasks.registry import TASKS, get_task
+
+
+@pytest.fixture
+def bench(capsys, monkeypatch):
+    """Runs a command line in this process; returns its exit code, output and errors."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["bench", *arguments])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return int(stop.value.code or 0), out, err
+
+    return run
+
+
+def test_list_names_the_four_tasks(bench):
+    code, out, _ = bench("list", "--json")
+    assert code == 0
+    assert json.loads(out) == {"tasks": list(TASKS), "methods": [], "experiments": []}
+    code, out, _ = bench("list")
+    assert code == 0
+    assert "tool, door, relocation, reorientation" in out
+
+
+def test_describe_gives_the_facts_of_a_task(bench, task):
+    code, out, _ = bench("describe", task.name, "--json")
+    facts = json.loads(out)
+    assert code == 0
+    assert facts["name"] == task.name
+    assert facts["robot_dim"] == task.layout.robot_dim
+    assert facts["object_dim"] == task.layout.object_dim
+    assert facts["horizon"] == task.horizon
+    assert len(facts["components"]) == task.layout.state_dim
+    assert set(facts["components"][0]) == {"name", "unit", "source"}
+    assert len({component["name"] for component in facts["components"]}) == task.layout.state_dim
+    assert len(facts["model_hash"]) == 64
+    assert list(facts["splits"]) == ["demo", "probe", "test", "ood"]
+    assert len(facts["physics"]) == 5
+
+
+def test_describe_can_be_read_by_a_person(bench, task):
+    code, out, _ = bench("describe", task.name)
+    assert code == 0
+    for expected in ("state x = [x_r, x_o]", task.rule, task.model_hash, "heavy_hand", "THJ0"):
+        assert expected in out
+
+
+def test_an_unknown_task_ends_with_the_nearest_name_and_exit_code_2(bench):
+    code, out, err = bench("describe", "relocate")
+    assert (code, out) == (2, "")
+    assert "unknown task 'relocate'" in err
+    assert "did you mean 'relocation'" in err
+
+
+def test_models_are_told_apart_by_their_hash():
+    assert len({get_task(name).model_hash for name in TASKS}) == len(TASKS)
+
+
+def test_listing_needs_no_simulator():
+    code = "import sys, bench.cli; sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_tasks_register_no_environments():
+    code = (
+        "import sys; from tasks.registry import get_task; get_task('door').model;"
+        " sys.exit('gymnasium' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

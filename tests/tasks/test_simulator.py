@@ -1,0 +1,157 @@
+import numpy as np
+import pytest
+
+from tasks.data import FloatArray
+from tasks.errors import InputError
+from tasks.registry import get_task
+from tasks.simulator import Simulator, rollout
+
+EPISODES = 20
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    """Runs each test in an empty folder, which must stay empty."""
+    monkeypatch.chdir(tmp_path)
+    yield
+    assert not list(tmp_path.iterdir())
+
+
+class Broken:
+    """Holds still, but asks for NaN in some episodes at one step."""
+
+    def __init__(self, task, rows: list[int], step: int, value: float = np.nan):
+        self.action_dim = task.layout.action_dim
+        self.rows, self.step, self.value = rows, step, value
+
+    def reset(self, simulator: Simulator) -> None:
+        self.broken = np.isin(simulator.starts.index, self.rows)
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        actions = np.zeros((len(simulator.starts), self.action_dim))
+        if step == self.step:
+            actions[self.broken, 3] = self.value
+        return actions
+
+
+def test_outcomes_do_not_depend_on_grouping_or_threads(task, random_replay):
+    starts, policy = task.sample("test", EPISODES), random_replay(task, EPISODES)
+    expected = rollout(task, starts, policy, chunk=EPISODES, threads=2)
+    assert not expected.diverged.any()
+    for n, chunk, threads in ((2, 1, 2), (EPISODES, 7, 1), (EPISODES, 500, 1)):
+        got = rollout(task, starts[:n], policy, chunk=chunk, threads=threads)
+        np.testing.assert_array_equal(got.readings, expected.readings[:n])
+        np.testing.assert_array_equal(got.success, expected.success[:n])
+        np.testing.assert_array_equal(got.steps, expected.steps[:n])
+
+
+def test_stopped_episodes_keep_their_state_and_leave_the_others_alone(task, random_replay):
+    starts, policy = task.sample("test", 6), random_replay(task, 6)
+    all_run, some_run = Simulator(task, starts), Simulator(task, starts)
+    policy.reset(all_run)
+    before = some_run.state()
+    some_run.running[[1, 4]] = False
+    for step in range(30):
+        actions = policy.act(all_run, step)
+        all_run.step(actions)
+        some_run.step(actions)
+    run = some_run.running
+    np.testing.assert_array_equal(some_run.state()[run], all_run.state()[run])
+    np.testing.assert_array_equal(some_run.state()[~run], before[~run])
+
+
+def test_a_policy_always_meets_a_whole_chunk(task):
+    seen = []
+
+    class Counting(Broken):
+        def act(self, simulator, step):
+            seen.append(len(simulator.starts))
+            return super().act(simulator, step)
+
+    starts = task.sample("test", 5)
+    episodes = rollout(task, starts, Counting(task, [], 0), steps=2, chunk=4)
+    assert set(seen) == {4}
+    assert len(episodes.success) == 5
+    np.testing.assert_array_equal(episodes.steps, 2)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_broken_action_is_a_divergence_or_the_limit(task, value):
+    starts = task.sample("test", 5)
+    episodes = rollout(task, starts, Broken(task, [1, 3], step=2, value=value), steps=6)
+    broken = np.array([False, True, False, True, False]) & np.isnan(value)
+    np.testing.assert_array_equal(episodes.diverged, broken)
+    np.testing.assert_array_equal(episodes.steps, np.where(broken, 2, 6))
+    np.testing.assert_array_equal(np.isnan(episodes.readings[:, 2:]).all(axis=1), broken)
+
+
+@pytest.mark.parametrize("field", ["qpos", "qvel"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e12])
+def test_a_broken_state_is_a_divergence(task, field, value):
+    simulator = Simulator(task, task.sample("test", 4))
+    getattr(simulator.batch, field)[2, 0] = value
+    simulator.step(np.zeros((4, task.layout.action_dim)))
+    np.testing.assert_array_equal(simulator.diverged, [False, False, True, False])
+    np.testing.assert_array_equal(np.isnan(simulator.read()), simulator.diverged)
+    assert np.isfinite(simulator.state()).all()
+    assert np.isfinite(simulator.observe()).all()
+
+
+def test_a_state_that_only_the_next_step_would_warn_about_is_a_divergence(task):
+    simulator = Simulator(task, task.sample("test", 3))
+    simulator.step(np.zeros((3, task.layout.action_dim)))
+    simulator.batch.qpos[1, 5] = np.nan
+    simulator._mark_diverged()
+    np.testing.assert_array_equal(simulator.diverged, [False, True, False])
+
+
+def test_what_diverges_after_meeting_the_rule_is_a_failure():
+    task = get_task("reorientation")
+    starts = task.sample("ood", 400)
+    facing = starts[np.flatnonzero(starts.values[:, 1] > 1.17)]
+    still = rollout(task, facing, Broken(task, [], 0))
+    broken = rollout(task, facing, Broken(task, facing.index.tolist(), step=task.horizon - 2))
+    assert still.success.any()
+    assert task.success(broken.readings).any()
+    assert broken.diverged.all()
+    assert not broken.success.any()
+
+
+def test_readings_that_are_nan_never_succeed(task):
+    assert not task.success(np.full((3, task.horizon - 1), np.nan)).any()
+
+
+RULES = {
+    # readings after each step, and whether they meet the rule of appendix C
+    "tool": [([0.5, 0.0099], True), ([0.0, 0.01], False)],
+    "door": [([0.0, 1.351], True), ([1.4, 1.35], False)],
+    "relocation": [([0.0999] * 11 + [1.0], True), ([0.0999] * 10 + [0.1], False)],
+    "reorientation": [([0.901] * 11 + [0.0], True), ([0.901] * 10 + [0.9], False)],
+}
+
+
+def test_success_follows_appendix_c(task):
+    for readings, expected in RULES[task.name]:
+        assert task.success(np.array([readings]))[0] == expected
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 24), (3, 5), (3, 1, 24)])
+def test_actions_of_another_shape_are_refused(task, shape):
+    simulator = Simulator(task, task.sample("test", 3))
+    with pytest.raises(InputError, match=rf"\(B, A\) = \(3, {task.layout.action_dim}\)"):
+        simulator.step(np.zeros(shape))
+
+
+def test_starts_are_checked_before_anything_runs(task):
+    starts = task.sample("test", 3)
+    with pytest.raises(InputError, match="at least one start"):
+        Simulator(task, starts[:0])
+    starts.values[1] = -9.0
+    with pytest.raises(InputError, match="start 1"):
+        Simulator(task, starts)
+
+
+@pytest.mark.parametrize("argument", ["steps", "chunk"])
+def test_a_rollout_of_nothing_is_refused(task, argument):
+    with pytest.raises(InputError, match=f"{argument} must be 1 or more, got 0"):
+        rollout(task, task.sample("test", 1), Broken(task, [], 0), **{argument: 0})
