@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bench import cli_demos, cli_expert
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
@@ -17,6 +18,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Compare imitation policies on four dexterous-hand tasks.",
 )
+app.add_typer(cli_expert.app, name="expert")
+app.add_typer(cli_demos.app, name="demos")
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 USAGE_ERROR = 2

@@ -20,8 +20,8 @@ from mujoco.batch import Batch
 from tasks.data import BoolArray, FloatArray, Layout, Starts, generator
 from tasks.errors import InputError, unknown_name
 
-IN_DISTRIBUTION = ("demo", "probe", "test")
-"""Splits drawn from the same ranges: to demonstrate, to choose experts, to test."""
+IN_DISTRIBUTION = ("train", "demo", "probe", "test")
+"""Splits drawn from the same ranges: to train experts, demonstrate, choose experts, test."""
 SPLITS = (*IN_DISTRIBUTION, "ood")
 
 OBJECT_JOINTS = 6
@@ -69,8 +69,8 @@ class Task(ABC):
     """T, states in an episode (appendix B)."""
     robot_dim: ClassVar[int]
     """H: x_r is the first H joint positions."""
-    derived_fields: ClassVar[tuple[str, ...]]
-    """The MjData fields beyond qpos and qvel that this task reads."""
+    derived_fields: ClassVar[tuple[str, ...]] = ("xpos", "site_xpos")
+    """The MjData fields beyond qpos and qvel that may be read of this task."""
     sensors: ClassVar[tuple[str, ...]] = ()
     """The sensors that the observation reads; the model's others are left out."""
 

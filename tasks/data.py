@@ -27,14 +27,21 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+def key(*parts: object) -> str:
+    """Returns the SHA-256, in hexadecimal digits, of what the parts say.
+
+    Parts are whatever JSON can hold; the order of a dictionary's entries does not matter.
+    """
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
 def generator(*parts: str | int) -> np.random.Generator:
     """Returns the random stream that belongs to what the parts name.
 
     The stream depends on the parts alone: never on a global stream, the order of calls or the
     process. Every random number of the suite comes from here.
     """
-    digest = hashlib.sha256(json.dumps(parts).encode()).digest()
-    return np.random.Generator(np.random.PCG64(int.from_bytes(digest)))
+    return np.random.Generator(np.random.PCG64(int(key(*parts), 16)))
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,49 @@ class Starts:
     def __getitem__(self, rows: slice | IntArray) -> "Starts":
         """Returns the chosen starts, in the order of rows."""
         return Starts(self.task, self.split, self.index[rows], self.values[rows])
+
+
+@dataclass(frozen=True)
+class Demos:
+    """Recorded motions, one row per start.
+
+    Raises:
+        InputError: the arrays disagree in their axes, or hold a number that is not finite.
+    """
+
+    starts: Starts
+    states: FloatArray
+    """(B, T, D) x = [x_r, x_o] before each action, and at the end."""
+    velocities: FloatArray
+    """(B, T, H) of the hand's joints [rad/s, m/s]."""
+    actions: FloatArray
+    """(B, T-1, A) normalised servo set-points in [-1, 1]."""
+
+    def __post_init__(self) -> None:
+        arrays = {"states": self.states, "velocities": self.velocities, "actions": self.actions}
+        shapes = {name: array.shape for name, array in arrays.items()}
+        lengths = {
+            (len(a), a.shape[1] + (n == "actions")) for n, a in arrays.items() if a.ndim == 3
+        }
+        if any(array.ndim != 3 for array in arrays.values()) or len(lengths) != 1:
+            raise InputError(
+                "demonstrations need states (B, T, D), velocities (B, T, H) and actions"
+                f" (B, T-1, A), got shapes {shapes}"
+            )
+        if len(self.starts) != len(self.states):
+            raise InputError(f"{len(self.states)} demonstrations have {len(self.starts)} starts")
+        for name, array in arrays.items():
+            bad = np.flatnonzero(~np.isfinite(array).all(axis=(1, 2)))
+            if bad.size:
+                raise InputError(f"{name} of demonstration {bad[0]} must be finite")
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __getitem__(self, rows: slice | IntArray) -> "Demos":
+        """Returns the chosen demonstrations, in the order of rows."""
+        chosen = (self.states[rows], self.velocities[rows], self.actions[rows])
+        return Demos(self.starts[rows], *chosen)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ class Door(Task):
     model_file = "adroit_door.xml"
     horizon = 70
     robot_dim = 28
-    derived_fields = ("site_xpos",)
 
     # Starts
     start_components = xyz("door", "m", "body_pos frame")

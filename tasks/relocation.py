@@ -24,7 +24,6 @@ class Relocation(Task):
     model_file = "adroit_relocate.xml"
     horizon = 100
     robot_dim = 30
-    derived_fields = ("xpos", "site_xpos")
 
     # Starts
     start_components = xyz("target", "m", "site_pos target")

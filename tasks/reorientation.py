@@ -23,7 +23,6 @@ class Reorientation(Task):
     model_file = "adroit_pen.xml"
     horizon = 100
     robot_dim = 24
-    derived_fields = ("xpos", "site_xpos")
 
     # Starts
     start_components = (

@@ -21,7 +21,7 @@ class Tool(Task):
     model_file = "adroit_hammer.xml"
     horizon = 100
     robot_dim = 26
-    derived_fields = ("xpos", "xmat", "site_xpos", "geom_xpos", "sensordata")
+    derived_fields = (*Task.derived_fields, "xmat", "geom_xpos", "sensordata")
     sensors = ("S_nail",)
 
     # Starts

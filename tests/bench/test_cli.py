@@ -43,7 +43,7 @@ def test_describe_gives_the_facts_of_a_task(bench, task):
     assert set(facts["components"][0]) == {"name", "unit", "source"}
     assert len({component["name"] for component in facts["components"]}) == task.layout.state_dim
     assert len(facts["model_hash"]) == 64
-    assert list(facts["splits"]) == ["demo", "probe", "test", "ood"]
+    assert list(facts["splits"]) == ["train", "demo", "probe", "test", "ood"]
     assert len(facts["physics"]) == 5
 
 

@@ -92,7 +92,7 @@ def test_the_goal_frame_is_a_rotation_that_maps_the_goal_to_the_x_axis(pitch, ya
 
 
 def test_an_unknown_split_is_answered_with_the_nearest_one(task):
-    with pytest.raises(InputError, match="demo, probe, test, ood; did you mean 'test'"):
+    with pytest.raises(InputError, match="train, demo, probe, test, ood; did you mean 'test'"):
         task.sample("tset", 3)
 
 

@@ -1,0 +1,83 @@
+"""`bench expert`: train and evaluate the experts that demonstrate the tasks."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from tasks.registry import get_task
+
+app = typer.Typer(no_args_is_help=True, help="Train and evaluate the experts.")
+
+TaskName = Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")]
+
+
+@app.command()
+def train(
+    task: TaskName,
+    folder: Annotated[
+        Path | None, typer.Option(help="Where the run is kept; the cache unless told.")
+    ] = None,
+    threads: Annotated[int, typer.Option(help="Threads to simulate on.")] = 2,
+) -> None:
+    """Train an expert by reinforcement learning; the same command again goes on."""
+    from tasks.demos import cache_folder
+    from tasks.recipes import RECIPES
+    from tasks.training import train as train_expert
+    from tasks.training import write_expert
+
+    chosen = get_task(task)
+    folder = folder or cache_folder() / "experts" / task
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns) as progress:
+        bar = progress.add_task(task, total=RECIPES[task].steps)
+
+        def report(row: dict[str, float]) -> None:
+            shown = "{steps:,} steps, success {success:.0%}, reward {reward:.2f}".format(**row)
+            progress.update(bar, completed=row["steps"], description=f"{task}: {shown}")
+            if not progress.console.is_terminal:
+                print(f"{task}: {shown}, {row['seconds']:.0f} s", flush=True)
+
+        train_expert(chosen, folder, report, threads)
+    print(f"wrote {write_expert(chosen, folder)}")
+
+
+@app.command()
+def evaluate(
+    task: TaskName,
+    episodes: Annotated[int, typer.Option(help="How many starts, from the first.")] = 1000,
+    split: Annotated[str, typer.Option(help="Where the starts come from.")] = "probe",
+    physics: Annotated[str, typer.Option(help="Name of a physics variation.")] = "nominal",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Measure the success of a shipped expert, which acts without noise."""
+    from scipy.stats import binomtest
+
+    from tasks.experts import evaluate as evaluate_expert
+    from tasks.experts import load_expert
+
+    chosen = get_task(task)
+    counts = evaluate_expert(chosen, load_expert(chosen).policy, split, episodes, physics)
+    interval = binomtest(counts["successes"], episodes).proportion_ci(method="wilson")
+    result: dict[str, Any] = {
+        "task": task,
+        "split": split,
+        "physics": physics,
+        "episodes": episodes,
+        "successes": counts["successes"],
+        "success_rate": counts["successes"] / episodes,
+        "low": float(interval.low),
+        "high": float(interval.high),
+        "diverged": counts["diverged"],
+    }
+    if as_json:
+        print(json.dumps(result))
+        return
+    print(
+        "{task}/{split}, physics {physics}: {successes} of {episodes} episodes succeed,"
+        " {success_rate:.1%} [{low:.1%}, {high:.1%}] (95% Wilson); {diverged} diverged".format(
+            **result
+        )
+    )

@@ -1,0 +1,164 @@
+"""Demonstrations: successful episodes of the expert, made once and kept in a cache."""
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from safetensors.numpy import load, save
+
+from tasks.base import Task
+from tasks.data import Demos, FloatArray, IntArray, Starts, key
+from tasks.errors import InputError
+from tasks.experts import load_expert
+from tasks.simulator import Policy, Simulator, rollout
+
+TRAINING = 200
+VALIDATION = 50
+VERSION = 1
+"""Raise it when demonstrations come out differently for reasons that no other part shows."""
+_BLOCK = 300
+"""Starts tried at a time."""
+
+
+class Recorder:
+    """A policy that acts as another does, and keeps what it saw and did."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def reset(self, simulator: Simulator) -> None:
+        """Begins anew."""
+        self.policy.reset(simulator)
+        self._simulator = simulator
+        self._states: list[FloatArray] = []
+        self._velocities: list[FloatArray] = []
+        self._actions: list[FloatArray] = []
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        """Returns the other policy's actions (B, A)."""
+        actions = self.policy.act(simulator, step)
+        self._see()
+        self._actions.append(np.clip(actions, -1.0, 1.0))
+        return actions
+
+    def _see(self) -> None:
+        self._states.append(self._simulator.state())
+        robot_dim = self._simulator.task.robot_dim
+        self._velocities.append(self._simulator.batch.qvel[:, :robot_dim].copy())
+
+    def finish(self, rows: IntArray) -> Demos:
+        """Returns the chosen episodes of the last chunk, which has ended."""
+        self._see()
+        seen = (self._states, self._velocities, self._actions)
+        states, velocities, actions = (np.stack(part, axis=1)[rows] for part in seen)
+        return Demos(self._simulator.starts[rows], states, velocities, actions)
+
+
+def make_demos(task: Task, n: int, threads: int = 0) -> Demos:
+    """Returns the expert's first n successful episodes of the split ``demo``.
+
+    Raises:
+        InputError: fewer than one episode in ten succeeds.
+    """
+    recorder = Recorder(load_expert(task).policy)
+    found: list[Demos] = []
+    tried = 0
+    while sum(map(len, found)) < n:
+        if tried > _BLOCK + 10 * n:
+            raise InputError(
+                f"too few for {n} demonstrations: the expert of {task.name} succeeded in"
+                f" {sum(map(len, found))} of {tried} episodes"
+            )
+        starts = task.sample("demo", tried + _BLOCK)[tried:]
+        tried += _BLOCK
+        episodes = rollout(task, starts, recorder, threads=threads)
+        found.append(recorder.finish(np.flatnonzero(episodes.success)))
+    parts = [(d.states, d.velocities, d.actions, d.starts.index, d.starts.values) for d in found]
+    states, velocities, actions, index, values = (
+        np.concatenate(part)[:n] for part in zip(*parts, strict=True)
+    )
+    return Demos(Starts(task.name, "demo", index, values), states, velocities, actions)
+
+
+def demos_key(task: Task) -> str:
+    """Returns the key of what the task's demonstrations are made from."""
+    return key(
+        "demos",
+        VERSION,
+        task.name,
+        task.version,
+        task.model_hash,
+        load_expert(task).card["weights_sha256"],
+        mujoco.__version__,
+        TRAINING + VALIDATION,
+    )
+
+
+def load_demos(task: Task) -> Demos:
+    """Returns the task's 250 demonstrations: from the cache, else made anew and put there.
+
+    The first 200 are for training, the other 50 for validation. A cached file whose SHA-256 is
+    not the one noted beside it is made anew.
+    """
+    path = demos_path(task)
+    data = _read(path)
+    if data is None:
+        data = _to_bytes(make_demos(task, TRAINING + VALIDATION))
+        _write(path.with_suffix(".sha256"), hashlib.sha256(data).hexdigest().encode())
+        _write(path, data)
+    return _from_bytes(task, data)
+
+
+def demos_path(task: Task) -> Path:
+    """Returns where the cache keeps the task's demonstrations."""
+    return cache_folder() / "demos" / f"{task.name}-{demos_key(task)[:16]}.safetensors"
+
+
+def cache_folder() -> Path:
+    """Returns where what can be made again is kept: BENCH_CACHE, else in the XDG cache folder."""
+    chosen = os.environ.get("BENCH_CACHE")
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "kodex-bench"
+
+
+def _read(path: Path) -> bytes | None:
+    """The bytes of a cached file, or None if it is missing or damaged."""
+    digest = path.with_suffix(".sha256")
+    if not (path.exists() and digest.exists()):
+        return None
+    data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() == digest.read_text():
+        return data
+    print(f"{path} is damaged: it is made anew", file=sys.stderr)
+    return None
+
+
+def _write(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
+def _to_bytes(demos: Demos) -> bytes:
+    arrays = {
+        "states": demos.states,
+        "velocities": demos.velocities,
+        "actions": demos.actions,
+        "start_index": demos.starts.index,
+        "start_values": demos.starts.values,
+    }
+    return save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
+
+
+def _from_bytes(task: Task, data: bytes) -> Demos:
+    arrays = load(data)
+    starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
+    return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])

@@ -1,0 +1,161 @@
+import hashlib
+import json
+
+import numpy as np
+import pytest
+from safetensors.numpy import save
+
+from tasks import demos, experts
+from tasks.data import Demos, generator
+from tasks.errors import InputError
+from tasks.simulator import Simulator, rollout
+
+TRAINING, VALIDATION = 6, 2
+
+
+@pytest.fixture
+def shipped(task, tmp_path, monkeypatch):
+    """A small random expert, shipped for the task, whose every third episode fails."""
+    monkeypatch.setattr(experts, "SHIPPED", tmp_path / "experts")
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(demos, "TRAINING", TRAINING)
+    monkeypatch.setattr(demos, "VALIDATION", VALIDATION)
+    monkeypatch.setattr(demos, "_BLOCK", 5)
+    monkeypatch.setattr(type(task), "horizon", 6)
+    monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
+    return ship(task, tmp_path / "experts")
+
+
+def ship(task, folder):
+    rng = generator("random expert", task.name)
+    width = experts.expert_input(Simulator(task, task.sample("probe", 1))).shape[1]
+    weights = {
+        "mean": rng.standard_normal(width),
+        "std": 1 + rng.random(width),
+        "weight0": rng.standard_normal((8, width)),
+        "bias0": rng.standard_normal(8),
+        "weight1": rng.standard_normal((task.layout.action_dim, 8)),
+        "bias1": rng.standard_normal(task.layout.action_dim),
+    }
+    data = save(weights)
+    folder.mkdir()
+    (folder / f"{task.name}.safetensors").write_bytes(data)
+    card = {"weights_sha256": hashlib.sha256(data).hexdigest()}
+    (folder / f"{task.name}.json").write_text(json.dumps(card))
+    return weights
+
+
+def test_an_expert_is_tanh_layers_over_normalised_inputs(task, shipped):
+    simulator = Simulator(task, task.sample("probe", 3))
+    actions = experts.load_expert(task).policy.act(simulator, 0)
+    for row, seen in enumerate(experts.expert_input(simulator)):
+        normal = [
+            (x - m) / s for x, m, s in zip(seen, shipped["mean"], shipped["std"], strict=True)
+        ]
+        hidden = np.tanh(shipped["weight0"] @ np.clip(normal, -10, 10) + shipped["bias0"])
+        np.testing.assert_allclose(
+            actions[row], shipped["weight1"] @ hidden + shipped["bias1"], rtol=0, atol=1e-12
+        )
+
+
+def test_weights_that_are_not_those_of_the_card_are_refused(task, shipped, tmp_path):
+    path = tmp_path / "experts" / f"{task.name}.safetensors"
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="but its card says"):
+        experts.load_expert(task)
+
+
+def test_a_task_without_an_expert_says_which_there_are(task, tmp_path, monkeypatch):
+    monkeypatch.setattr(experts, "SHIPPED", tmp_path)
+    (tmp_path / "other.json").touch()
+    with pytest.raises(InputError, match=f"task '{task.name}'; shipped are: other"):
+        experts.load_expert(task)
+
+
+def test_demonstrations_are_the_first_successes_of_the_expert(task, shipped):
+    made = demos.load_demos(task)
+    assert len(made) == TRAINING + VALIDATION
+    # every third of a block of five fails
+    assert made.starts.index.tolist() == [1, 2, 4, 6, 7, 9, 11, 12]
+    assert made.states.shape == (8, 6, task.layout.state_dim)
+    assert made.velocities.shape == (8, 6, task.robot_dim)
+    assert made.actions.shape == (8, 5, task.layout.action_dim)
+    assert np.abs(made.actions).max() <= 1
+
+
+def test_recorded_actions_played_back_give_the_recorded_states(task, shipped):
+    made = demos.load_demos(task)
+    simulator = Simulator(task, made.starts)
+    for step in range(task.horizon - 1):
+        np.testing.assert_array_equal(simulator.state(), made.states[:, step])
+        hand = simulator.batch.qvel[:, : task.robot_dim]
+        np.testing.assert_array_equal(hand, made.velocities[:, step])
+        simulator.step(made.actions[:, step])
+    np.testing.assert_array_equal(simulator.state(), made.states[:, -1])
+
+
+def test_the_cache_holds_the_same_bytes_as_a_new_making(task, shipped):
+    first = demos.load_demos(task)
+    path = demos.demos_path(task)
+    data = path.read_bytes()
+    made = path.stat().st_mtime_ns
+    again = demos.load_demos(task)
+    assert path.stat().st_mtime_ns == made
+    np.testing.assert_array_equal(first.states, again.states)
+    path.unlink()
+    demos.load_demos(task)
+    assert path.read_bytes() == data
+    part = demos.make_demos(task, 3, threads=1)
+    np.testing.assert_array_equal(part.states, first[:3].states)
+
+
+@pytest.mark.parametrize("position", [0, 100, -1])
+def test_a_flipped_byte_is_noticed_and_made_anew(task, shipped, position, capsys):
+    demos.load_demos(task)
+    path = demos.demos_path(task)
+    sound = path.read_bytes()
+    damaged = bytearray(sound)
+    damaged[position] ^= 0x10
+    path.write_bytes(damaged)
+    demos.load_demos(task)
+    assert path.read_bytes() == sound
+    assert "damaged" in capsys.readouterr().err
+
+
+def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):
+    monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
+    with pytest.raises(InputError, match=r"succeeded in 0 of \d+ episodes"):
+        demos.make_demos(task, 2)
+
+
+def test_other_weights_are_other_demonstrations(task, shipped, tmp_path):
+    before = demos.demos_path(task)
+    data = save({name: 2 * values for name, values in shipped.items()})
+    (tmp_path / "experts" / f"{task.name}.safetensors").write_bytes(data)
+    card = {"weights_sha256": hashlib.sha256(data).hexdigest()}
+    (tmp_path / "experts" / f"{task.name}.json").write_text(json.dumps(card))
+    assert demos.demos_path(task) != before
+
+
+def test_demonstrations_of_disagreeing_shapes_are_refused(task):
+    starts = task.sample("demo", 2)
+    states, velocities = np.zeros((2, 4, 9)), np.zeros((2, 4, 5))
+    Demos(starts, states, velocities, np.zeros((2, 3, 5)))
+    for actions in (np.zeros((2, 4, 5)), np.zeros((2, 3)), np.zeros((1, 3, 5))):
+        with pytest.raises(InputError, match=r"\(B, T-1, A\), got shapes"):
+            Demos(starts, states, velocities, actions)
+    with pytest.raises(InputError, match="2 demonstrations have 1 starts"):
+        Demos(starts[:1], states, velocities, np.zeros((2, 3, 5)))
+    states[1, 2] = np.nan
+    with pytest.raises(InputError, match="states of demonstration 1 must be finite"):
+        Demos(starts, states, velocities, np.zeros((2, 3, 5)))
+
+
+def test_recording_changes_nothing(task, shipped):
+    policy = experts.load_expert(task).policy
+    starts = task.sample("demo", 4)
+    plain = rollout(task, starts, policy)
+    recorded = rollout(task, starts, demos.Recorder(policy))
+    np.testing.assert_array_equal(plain.readings, recorded.readings)

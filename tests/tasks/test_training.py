@@ -1,0 +1,120 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from tasks import training
+from tasks.experts import Expert, expert_input
+from tasks.recipes import RECIPES
+from tasks.registry import get_task
+from tasks.simulator import Simulator
+
+ITERATIONS = 4
+EPISODES = 4
+
+
+@pytest.fixture
+def recipe(task, monkeypatch):
+    """The task's recipe, cut down to seconds."""
+    steps = ITERATIONS * EPISODES * (task.horizon - 1)
+    small = replace(
+        RECIPES[task.name], steps=steps, episodes=EPISODES, epochs=2, minibatches=2, hidden=(8, 8)
+    )
+    monkeypatch.setitem(RECIPES, task.name, small)
+    return small
+
+
+def log(folder):
+    return [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_killed_run_goes_on_from_its_checkpoint(task, recipe, tmp_path):
+    class KilledError(Exception):
+        pass
+
+    def kill(row):
+        raise KilledError
+
+    for done in (1, 2):
+        with pytest.raises(KilledError):
+            training.train(task, tmp_path, kill, threads=1)
+        assert len(log(tmp_path)) == done
+    training.train(task, tmp_path, lambda row: None, threads=1)
+    steps = [row["steps"] for row in log(tmp_path)]
+    assert steps == sorted(set(steps))
+    assert steps[-1] == recipe.steps
+    assert log(tmp_path)[-1]["seconds"] > 0
+    training.train(task, tmp_path, lambda row: None, threads=1)
+    assert len(log(tmp_path)) == len(steps)
+
+
+@pytest.mark.parametrize("task", ["reorientation"], indirect=True)
+def test_the_expert_written_acts_as_the_policy_trained(task, recipe, tmp_path, monkeypatch):
+    monkeypatch.setattr(training, "CARD_EPISODES", 2)
+    training.train(task, tmp_path, lambda row: None, threads=1)
+    card = json.loads(training.write_expert(task, tmp_path).read_text())
+    assert card["steps"] == recipe.steps
+    assert card["recipe"]["reward"] == "reorientation_reward"
+    assert set(card["success"]) == {"probe", "ood"}
+    simulator = Simulator(task, task.sample("probe", 3))
+    tensors, _ = training.read_checkpoint(tmp_path)
+    actions = Expert(training.expert_weights(tensors)).act(simulator, 0)
+
+    environment = training.VecNormalize(training.EpisodesEnv(task, recipe, 1))
+    model = training._model(environment, recipe)
+    policy = {k.removeprefix("policy."): v for k, v in tensors.items() if k.startswith("policy.")}
+    model.policy.load_state_dict(policy)
+    seen = np.concatenate([expert_input(simulator), np.full((3, 1), 0.7)], axis=1)
+    scale = np.sqrt(tensors["obs.var"].numpy() + training.EPSILON)
+    normal = torch.as_tensor((seen - tensors["obs.mean"].numpy()) / scale, dtype=torch.float32)
+    with torch.no_grad():
+        expected = model.policy.get_distribution(normal.clamp(-10, 10)).mode()
+    np.testing.assert_allclose(actions, expected, atol=1e-5)
+
+
+def test_the_actor_does_not_see_the_time_but_the_critic_does(recipe, task):
+    environment = training.VecNormalize(training.EpisodesEnv(task, recipe, 1))
+    policy = training._model(environment, recipe).policy
+    early = torch.as_tensor(environment.reset(), dtype=torch.float32)
+    late = early.clone()
+    late[:, -1] += 1.0
+    with torch.no_grad():
+        torch.testing.assert_close(
+            policy.get_distribution(early).mode(), policy.get_distribution(late).mode()
+        )
+        assert not torch.equal(policy.predict_values(early), policy.predict_values(late))
+
+
+def test_training_starts_are_new_in_each_iteration(recipe, task):
+    environment = training.EpisodesEnv(task, recipe, 1)
+    first = environment.simulator.starts.index.tolist()
+    environment.reset()
+    assert environment.simulator.starts.split == "train"
+    assert not set(first) & set(environment.simulator.starts.index.tolist())
+
+
+def test_rewards_are_finite_and_rise_where_the_rule_is_met(task):
+    simulator = Simulator(task, task.sample("train", 5))
+    reward = RECIPES[task.name].reward
+    before = reward(simulator.batch)
+    assert before.shape == (5,)
+    assert np.isfinite(before).all()
+    solve(simulator)
+    assert (reward(simulator.batch) > before + 5).all()
+
+
+def solve(simulator: Simulator) -> None:
+    """Puts the object where the task wants it."""
+    batch, task = simulator.batch, simulator.task
+    if task == get_task("door"):
+        batch.joint("door_hinge").qpos = 1.5
+    elif task == get_task("tool"):
+        batch.joint("nail_dir").qpos = 0.091
+    elif task == get_task("relocation"):
+        batch.qpos[:, 30:33] += batch.site("target").xpos - batch.body("Object").xpos
+    else:
+        batch.body("target").quat = task.model.body("Object").quat
+    batch.forward()
