@@ -122,8 +122,9 @@ def tool_reward(batch: Batch) -> FloatArray:
         # palm and fingertips on the handle
         0.5 * _near(_distance(batch.site("S_grasp").xpos, body), 6)
         + 0.5 * reach
-        # lift the whole hammer, handle and head
-        + np.clip((lowest - 0.03) / 0.05, 0, 1) * reach
+        # lift the whole hammer, handle and head; it rests at 0.035 m, and pressing it into the
+        # table must cost something, or the hand would do just that
+        + 3.0 * np.clip((lowest - 0.02) / 0.08, 0, 1) * reach
         # once lifted, head to the nail
         + (lowest > 0.04) * reach * (1.0 + 4.0 * _near(_distance(head, nail), 4))
         # drive it in, up to the rule of appendix C

@@ -7,7 +7,6 @@ from tasks.data import FloatArray, generator
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator
 
-
 # The machine may be busy, and a test that passes once must pass again.
 settings.register_profile("suite", deadline=None, derandomize=True)
 settings.load_profile("suite")
