@@ -1,17 +1,20 @@
 """`bench demos`: the demonstrations that methods learn from."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from tasks.data import BoolArray
 from tasks.registry import TASKS, get_task
 
-app = typer.Typer(no_args_is_help=True, help="Make the demonstrations.")
+app = typer.Typer(
+    no_args_is_help=True, help="Make demonstrations, and exchange them in Minari's format."
+)
 
-
-@app.callback()
-def demos() -> None:
-    """Make the demonstrations."""
+TaskName = Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")]
+Folder = Annotated[Path, typer.Argument(help="Folder of a Minari data set.")]
+SOME_FAILED = 3
 
 
 @app.command()
@@ -26,3 +29,49 @@ def make(
         count = len(load_demos(task))
         held_out = count - TRAINING
         print(f"{name}: {TRAINING} + {held_out} demonstrations in {demos_path(task)}", flush=True)
+
+
+@app.command("export")
+def export_set(task: TaskName, folder: Folder) -> None:
+    """Write a task's demonstrations as a Minari data set."""
+    from tasks.demos import load_demos
+    from tasks.minari import export_demos
+
+    chosen = get_task(task)
+    demos = load_demos(chosen)
+    export_demos(chosen, demos, folder)
+    print(f"wrote {len(demos)} demonstrations of {task} to {folder}")
+
+
+@app.command("import")
+def import_set(
+    task: TaskName,
+    folder: Folder,
+    out: Annotated[Path, typer.Option(help="File that the demonstrations are written to.")],
+) -> None:
+    """Replay a Minari data set of an Adroit environment; keep the episodes that succeed."""
+    from tasks.demos import save_demos
+    from tasks.minari import import_demos
+
+    imported = import_demos(get_task(task), folder)
+    _print_replay(task, imported.success)
+    save_demos(imported.demos, out)
+    print(f"wrote {len(imported.demos)} demonstrations to {out}")
+
+
+@app.command()
+def verify(task: TaskName, folder: Folder) -> None:
+    """Replay a Minari data set and say which episodes succeed; exit code 3 unless all do."""
+    from tasks.minari import import_demos
+
+    success = import_demos(get_task(task), folder).success
+    _print_replay(task, success)
+    if not success.all():
+        raise typer.Exit(SOME_FAILED)
+
+
+def _print_replay(task: str, success: BoolArray) -> None:
+    failed = [str(episode) for episode in (~success).nonzero()[0]]
+    print(f"{task}: {success.sum()} of {len(success)} episodes succeed on replay")
+    if failed:
+        print(f"episodes that fail: {', '.join(failed)}")

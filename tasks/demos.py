@@ -10,10 +10,10 @@ import numpy as np
 from safetensors.numpy import load, save
 
 from tasks.base import Task
-from tasks.data import Demos, FloatArray, IntArray, Starts, key
+from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, key
 from tasks.errors import InputError
 from tasks.experts import load_expert
-from tasks.simulator import Policy, Simulator, rollout
+from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
 TRAINING = 200
 VALIDATION = 50
@@ -50,11 +50,35 @@ class Recorder:
         self._velocities.append(self._simulator.batch.qvel[:, :robot_dim].copy())
 
     def finish(self, rows: IntArray) -> Demos:
-        """Returns the chosen episodes of the last chunk, which has ended."""
+        """Returns the chosen episodes, once they have ended."""
         self._see()
         seen = (self._states, self._velocities, self._actions)
         states, velocities, actions = (np.stack(part, axis=1)[rows] for part in seen)
         return Demos(self._simulator.starts[rows], states, velocities, actions)
+
+
+def record(task: Task, starts: Starts, policy: Policy, threads: int = 0) -> tuple[BoolArray, Demos]:
+    """Returns from which starts (B,) a policy succeeded, and what it did there."""
+    success, found = [], []
+    for first in range(0, len(starts), CHUNK):
+        recorder = Recorder(policy)
+        episodes = rollout(task, starts[first : first + CHUNK], recorder, threads=threads)
+        success.append(episodes.success)
+        found.append(recorder.finish(np.flatnonzero(episodes.success)))
+    return np.concatenate(success), _join(found)
+
+
+def _join(parts: list[Demos]) -> Demos:
+    """Returns demonstrations of one split, one part after the other."""
+    first = parts[0].starts
+    index = np.concatenate([part.starts.index for part in parts])
+    values = np.concatenate([part.starts.values for part in parts])
+    return Demos(
+        Starts(first.task, first.split, index, values),
+        np.concatenate([part.states for part in parts]),
+        np.concatenate([part.velocities for part in parts]),
+        np.concatenate([part.actions for part in parts]),
+    )
 
 
 def make_demos(task: Task, n: int, threads: int = 0) -> Demos:
@@ -63,7 +87,7 @@ def make_demos(task: Task, n: int, threads: int = 0) -> Demos:
     Raises:
         InputError: fewer than one episode in ten succeeds.
     """
-    recorder = Recorder(load_expert(task).policy)
+    expert = load_expert(task).policy
     found: list[Demos] = []
     tried = 0
     while sum(map(len, found)) < n:
@@ -74,13 +98,8 @@ def make_demos(task: Task, n: int, threads: int = 0) -> Demos:
             )
         starts = task.sample("demo", tried + _BLOCK)[tried:]
         tried += _BLOCK
-        episodes = rollout(task, starts, recorder, threads=threads)
-        found.append(recorder.finish(np.flatnonzero(episodes.success)))
-    parts = [(d.states, d.velocities, d.actions, d.starts.index, d.starts.values) for d in found]
-    states, velocities, actions, index, values = (
-        np.concatenate(part)[:n] for part in zip(*parts, strict=True)
-    )
-    return Demos(Starts(task.name, "demo", index, values), states, velocities, actions)
+        found.append(record(task, starts, expert, threads)[1])
+    return _join(found)[:n]
 
 
 def demos_key(task: Task) -> str:
@@ -106,10 +125,16 @@ def load_demos(task: Task) -> Demos:
     path = demos_path(task)
     data = _read(path)
     if data is None:
-        data = _to_bytes(make_demos(task, TRAINING + VALIDATION))
-        _write(path.with_suffix(".sha256"), hashlib.sha256(data).hexdigest().encode())
-        _write(path, data)
+        save_demos(make_demos(task, TRAINING + VALIDATION), path)
+        data = path.read_bytes()
     return _from_bytes(task, data)
+
+
+def save_demos(demos: Demos, path: Path) -> None:
+    """Writes demonstrations to a file, and its SHA-256 beside it."""
+    data = _to_bytes(demos)
+    _write(path.with_suffix(".sha256"), hashlib.sha256(data).hexdigest().encode())
+    _write(path, data)
 
 
 def demos_path(task: Task) -> Path:

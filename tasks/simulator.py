@@ -68,7 +68,7 @@ class Simulator:
         # A field is filled by the calls that follow its binding.
         for field in task.derived_fields:
             self.batch.bind(field)
-        self._refresh(None)
+        self.refresh()
 
     def step(self, actions: ArrayLike) -> None:
         """Advances the running episodes by one control step of 10 ms.
@@ -92,7 +92,7 @@ class Simulator:
         with _quiet():
             self.batch.step(rows, nstep=SUBSTEPS)
         self._mark_diverged()
-        self._refresh(rows)
+        self.refresh(rows)
 
     def state(self) -> FloatArray:
         """Returns x = [x_r, x_o] of the present, (B, D)."""
@@ -107,6 +107,16 @@ class Simulator:
         """Returns what the success rule reads at present, (B,); NaN where diverged."""
         return np.where(self.diverged, np.nan, self.task.read(self.batch))
 
+    def refresh(self, rows: IntArray | None = None) -> None:
+        """Brings positions of bodies and sites up to the state of the batch.
+
+        After a physics step they lag behind, and so they do after the state is written to.
+        """
+        self._disableflags |= _KINEMATICS_ONLY
+        with _quiet():
+            self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS)
+        self._disableflags &= ~_KINEMATICS_ONLY
+
     def _mark_diverged(self) -> None:
         """Any warning counts, and so does a state that the next step would warn about."""
         warned = self.batch.warning[:, :, 1].any(axis=1)
@@ -114,13 +124,6 @@ class Simulator:
         sound = (np.abs(moving) <= mujoco.mjMAXVAL).all(axis=1)
         self.diverged |= warned | ~sound
         self.running &= ~self.diverged
-
-    def _refresh(self, rows: IntArray | None) -> None:
-        """Brings positions of bodies and sites up to the state: after a step they lag behind."""
-        self._disableflags |= _KINEMATICS_ONLY
-        with _quiet():
-            self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS)
-        self._disableflags &= ~_KINEMATICS_ONLY
 
 
 class Policy(Protocol):

@@ -1,0 +1,254 @@
+"""Demonstrations into Minari's format and out of it (extra ``data``).
+
+Reads what `export_demos` writes, and the public Adroit sets that Minari converted from D4RL. Both
+keep the initial state of an episode as attributes ``options/initial_state_dict/...``; states are
+those of a replay here, whatever the file says of them.
+
+Files come from others, so nothing in them is executed or followed: no pickle, no environment built
+from metadata, no links, no foreign filters, and sizes are checked before anything is read.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import minari
+import numpy as np
+from gymnasium import spaces
+from minari.data_collector import EpisodeBuffer
+from minari.dataset.minari_storage import MinariStorage
+
+from tasks.base import Task
+from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts
+from tasks.demos import record
+from tasks.errors import InputError
+from tasks.simulator import Simulator
+
+MAX_EPISODES = 20_000
+MAX_BYTES = 2**31
+"""Of all arrays of a file together, unpacked."""
+_INITIAL = "options/initial_state_dict/"
+_FILTERS = (None, "gzip", "lzf")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Part of an initial state: where the model has it, under the name that Minari's sets use."""
+
+    name: str
+    element: str
+    """``body`` or ``site``."""
+    of: str
+    attribute: str
+
+
+PLACED = {
+    "tool": (Placed("board_pos", "body", "nail_board", "pos"),),
+    "door": (Placed("door_body_pos", "body", "frame", "pos"),),
+    "relocation": (
+        Placed("obj_pos", "body", "Object", "pos"),
+        Placed("target_pos", "site", "target", "pos"),
+    ),
+    "reorientation": (Placed("desired_orien", "body", "target", "quat"),),
+}
+
+START_VALUES: dict[str, Callable[[dict[str, FloatArray]], FloatArray]] = {
+    "tool": lambda state: state["board_pos"][2:],
+    "door": lambda state: state["door_body_pos"],
+    "relocation": lambda state: state["target_pos"],
+    "reorientation": lambda state: _pitch_and_yaw(state["desired_orien"]),
+}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What came of replaying the episodes of a file."""
+
+    demos: Demos
+    """Those that succeed on replay."""
+    success: BoolArray
+    """(B,) of all episodes of the file, in its order."""
+
+
+@dataclass(frozen=True)
+class _Episode:
+    initial: dict[str, FloatArray]
+    """qpos, qvel, and what PLACED names."""
+    actions: FloatArray
+    """(T-1, A)"""
+
+
+def export_demos(task: Task, demos: Demos, folder: Path) -> None:
+    """Writes demonstrations as a Minari data set.
+
+    Args:
+        task: the task that they show.
+        demos: what to write.
+        folder: becomes the data set, and must not exist.
+
+    Raises:
+        InputError: the folder exists.
+    """
+    if folder.exists():
+        raise InputError(f"{folder} exists: name a folder that does not")
+    limits = spaces.Box(-1.0, 1.0, (task.layout.action_dim,), np.float64)
+    seen = spaces.Box(-np.inf, np.inf, (task.layout.state_dim,), np.float64)
+    data = folder / "data"
+    data.mkdir(parents=True)
+    storage = MinariStorage.new(data, observation_space=seen, action_space=limits)
+    initial = _initial_states(task, demos.starts)
+    storage.update_episodes(
+        _buffer(demos, row, {name: values[row] for name, values in initial.items()})
+        for row in range(len(demos))
+    )
+    storage.update_metadata(
+        {
+            "dataset_id": f"{task.name}/expert-v0",
+            "minari_version": minari.__version__,
+            "task": task.name,
+            "observation_names": [component.name for component in task.components],
+        }
+    )
+
+
+def import_demos(task: Task, folder: Path) -> Imported:
+    """Returns the episodes of a Minari data set of the task's Adroit environment, replayed.
+
+    Raises:
+        InputError: the folder holds no such data set, or something that cannot be replayed.
+    """
+    episodes = _read_episodes(task, folder)
+    values = np.stack([START_VALUES[task.name](episode.initial) for episode in episodes])
+    starts = Starts(task.name, "demo", np.arange(len(episodes)), values)
+    success, demos = record(task, starts, _Replay(task, episodes))
+    return Imported(demos, success)
+
+
+class _Replay:
+    """Plays back actions from recorded initial states."""
+
+    def __init__(self, task: Task, episodes: list[_Episode]) -> None:
+        self.task, self.episodes = task, episodes
+
+    def reset(self, simulator: Simulator) -> None:
+        """Puts the simulations at the initial states of their episodes."""
+        chosen = [self.episodes[i] for i in simulator.starts.index]
+        batch = simulator.batch
+        batch.qpos[:] = np.stack([episode.initial["qpos"] for episode in chosen])
+        batch.qvel[:] = np.stack([episode.initial["qvel"] for episode in chosen])
+        for placed in PLACED[self.task.name]:
+            values = np.stack([episode.initial[placed.name] for episode in chosen])
+            setattr(getattr(batch, placed.element)(placed.of), placed.attribute, values)
+        simulator.refresh()
+        self._actions = np.stack([episode.actions for episode in chosen])
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        """Returns the recorded actions (B, A)."""
+        return self._actions[:, step]
+
+
+def _initial_states(task: Task, starts: Starts) -> dict[str, FloatArray]:
+    batch = Simulator(task, starts).batch
+    initial = {"qpos": batch.qpos.copy(), "qvel": batch.qvel.copy()}
+    for placed in PLACED[task.name]:
+        values = getattr(getattr(batch, placed.element)(placed.of), placed.attribute)
+        initial[placed.name] = np.array(values)
+    return initial
+
+
+def _buffer(demos: Demos, row: int, initial: dict[str, FloatArray]) -> EpisodeBuffer:
+    steps = demos.actions.shape[1]
+    last = np.arange(steps) == steps - 1
+    return EpisodeBuffer(
+        options={"initial_state_dict": initial, "start": int(demos.starts.index[row])},
+        observations=demos.states[row],
+        actions=demos.actions[row],
+        rewards=last.astype(np.float64),
+        terminations=np.zeros(steps, np.bool_),
+        truncations=last,
+        infos={"hand_velocities": demos.velocities[row]},
+    )
+
+
+def _pitch_and_yaw(quaternion: FloatArray) -> FloatArray:
+    """The two angles [rad] of a goal that was turned about x and then about its own y."""
+    w, x, y, _ = quaternion
+    return np.array([2 * np.arctan2(x, w), 2 * np.arctan2(y, w)])
+
+
+def _read_episodes(task: Task, folder: Path) -> list[_Episode]:
+    file = folder / "data" / "main_data.hdf5"
+    metadata = folder / "data" / "metadata.json"
+    if not file.is_file() or not metadata.is_file():
+        raise InputError(f"{folder} is no Minari data set in HDF5: it lacks {file} or {metadata}")
+    try:
+        total = json.loads(metadata.read_text())["total_episodes"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{metadata} does not say how many episodes there are") from error
+    if type(total) is not int or not 0 < total <= MAX_EPISODES:
+        raise InputError(f"{metadata}: total_episodes is {total!r}, allowed is 1 to {MAX_EPISODES}")
+    try:
+        with h5py.File(file, "r") as root:
+            return _read_all(task, root, total)
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{file} cannot be read as HDF5: {error}") from error
+
+
+def _read_all(task: Task, root: h5py.File, total: int) -> list[_Episode]:
+    episodes = []
+    budget = MAX_BYTES
+    for number in range(total):
+        episodes.append(_read_episode(task, _hard(root, f"episode_{number}", h5py.Group)))
+        budget -= episodes[-1].actions.nbytes
+        if budget < 0:
+            raise InputError(f"{root.filename} holds more than {MAX_BYTES} bytes of actions")
+    return episodes
+
+
+def _read_episode(task: Task, group: h5py.Group) -> _Episode:
+    widths = {"qpos": task.model.nq, "qvel": task.model.nv}
+    widths |= {p.name: 4 if p.attribute == "quat" else 3 for p in PLACED[task.name]}
+    initial = {name: _attribute(group, _INITIAL + name, width) for name, width in widths.items()}
+    actions = _hard(group, "actions", h5py.Dataset)
+    steps, width = task.horizon - 1, task.layout.action_dim
+    if actions.ndim != 2 or actions.shape[0] < steps or actions.shape[1] != width:
+        raise InputError(
+            f"{actions.name} has shape {actions.shape}: {task.name} needs at least"
+            f" {steps} actions of {width} numbers"
+        )
+    plain = actions.dtype.kind in "fiu" and actions.compression in _FILTERS
+    if not plain or actions.is_virtual or actions.external:
+        raise InputError(f"{actions.name} is not a plain array of numbers inside the file")
+    if actions.size * actions.dtype.itemsize > MAX_BYTES:
+        raise InputError(f"{actions.name} has shape {actions.shape}: too large")
+    return _Episode(initial, _finite(actions.name, actions[:steps]))
+
+
+def _attribute(group: h5py.Group, name: str, width: int) -> FloatArray:
+    if name not in group.attrs:
+        raise InputError(f"{group.name} lacks the attribute {name!r}: it cannot be replayed")
+    kind = group.attrs.get_id(name)
+    if kind.dtype.kind not in "fiu" or kind.shape != (width,):
+        raise InputError(f"{group.name}: attribute {name!r} must be {width} numbers")
+    return _finite(f"{group.name}: attribute {name!r}", group.attrs[name])
+
+
+def _finite(name: str, values: FloatArray | IntArray) -> FloatArray:
+    wide = np.asarray(values, np.float64)
+    if not np.isfinite(wide).all():
+        raise InputError(f"{name} holds numbers that are not finite")
+    return wide
+
+
+def _hard(group: h5py.Group, name: str, kind: type) -> h5py.Group | h5py.Dataset:
+    """The member of that name and kind, if it lies in this very file."""
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        raise InputError(f"{group.name} has no {name!r} of its own")
+    member = group[name]
+    if not isinstance(member, kind):
+        raise InputError(f"{member.name} must be a {kind.__name__.lower()}")
+    return member
