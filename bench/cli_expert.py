@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from tasks.errors import InputError
 from tasks.registry import get_task
 
 app = typer.Typer(no_args_is_help=True, help="Train and evaluate the experts.")
@@ -59,6 +60,8 @@ def evaluate(
     from tasks.experts import load_expert
 
     chosen = get_task(task)
+    if episodes < 1:
+        raise InputError(f"--episodes must be 1 or more, got {episodes}")
     counts = evaluate_expert(chosen, load_expert(chosen).policy, split, episodes, physics)
     interval = binomtest(counts["successes"], episodes).proportion_ci(method="wilson")
     result: dict[str, Any] = {

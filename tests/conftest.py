@@ -1,8 +1,15 @@
+import hashlib
+import json
+import sys
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 from hypothesis import settings
+from safetensors.numpy import save
 
+from bench.cli import main
+from tasks import demos, experts
 from tasks.data import FloatArray, generator
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator
@@ -45,3 +52,49 @@ def random_actions(task, n: int, steps: int | None = None) -> FloatArray:
     rng = generator("test actions", task.name)
     noise = rng.standard_normal((n, steps, task.layout.action_dim))
     return 0.3 * noise.cumsum(axis=1)
+
+
+@pytest.fixture
+def shipped(task, tmp_path, monkeypatch):
+    """A small random expert, shipped for the task, whose every third episode fails."""
+    monkeypatch.setattr(experts, "SHIPPED", tmp_path / "experts")
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(demos, "TRAINING", 6)
+    monkeypatch.setattr(demos, "VALIDATION", 2)
+    monkeypatch.setattr(demos, "_BLOCK", 5)
+    monkeypatch.setattr(type(task), "horizon", 6)
+    monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
+    return ship(task, tmp_path / "experts")
+
+
+def ship(task, folder):
+    rng = generator("random expert", task.name)
+    width = experts.expert_input(Simulator(task, task.sample("probe", 1))).shape[1]
+    weights = {
+        "mean": rng.standard_normal(width),
+        "std": 1 + rng.random(width),
+        "weight0": rng.standard_normal((8, width)),
+        "bias0": rng.standard_normal(8),
+        "weight1": rng.standard_normal((task.layout.action_dim, 8)),
+        "bias1": rng.standard_normal(task.layout.action_dim),
+    }
+    data = save(weights)
+    folder.mkdir()
+    (folder / f"{task.name}.safetensors").write_bytes(data)
+    card = {"weights_sha256": hashlib.sha256(data).hexdigest()}
+    (folder / f"{task.name}.json").write_text(json.dumps(card))
+    return weights
+
+
+@pytest.fixture
+def bench(capsys, monkeypatch):
+    """Runs a command line in this process; returns its exit code, output and errors."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["bench", *arguments])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return int(stop.value.code or 0), out, err
+
+    return run

@@ -2,24 +2,7 @@ import json
 import subprocess
 import sys
 
-import pytest
-
-from bench.cli import main
 from tasks.registry import TASKS, get_task
-
-
-@pytest.fixture
-def bench(capsys, monkeypatch):
-    """Runs a command line in this process; returns its exit code, output and errors."""
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["bench", *arguments])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        return int(stop.value.code or 0), out, err
-
-    return run
 
 
 def test_list_names_the_four_tasks(bench):

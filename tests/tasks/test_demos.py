@@ -6,43 +6,11 @@ import pytest
 from safetensors.numpy import save
 
 from tasks import demos, experts
-from tasks.data import Demos, generator
+from tasks.data import Demos
 from tasks.errors import InputError
 from tasks.simulator import Simulator, rollout
 
 TRAINING, VALIDATION = 6, 2
-
-
-@pytest.fixture
-def shipped(task, tmp_path, monkeypatch):
-    """A small random expert, shipped for the task, whose every third episode fails."""
-    monkeypatch.setattr(experts, "SHIPPED", tmp_path / "experts")
-    monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(demos, "TRAINING", TRAINING)
-    monkeypatch.setattr(demos, "VALIDATION", VALIDATION)
-    monkeypatch.setattr(demos, "_BLOCK", 5)
-    monkeypatch.setattr(type(task), "horizon", 6)
-    monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
-    return ship(task, tmp_path / "experts")
-
-
-def ship(task, folder):
-    rng = generator("random expert", task.name)
-    width = experts.expert_input(Simulator(task, task.sample("probe", 1))).shape[1]
-    weights = {
-        "mean": rng.standard_normal(width),
-        "std": 1 + rng.random(width),
-        "weight0": rng.standard_normal((8, width)),
-        "bias0": rng.standard_normal(8),
-        "weight1": rng.standard_normal((task.layout.action_dim, 8)),
-        "bias1": rng.standard_normal(task.layout.action_dim),
-    }
-    data = save(weights)
-    folder.mkdir()
-    (folder / f"{task.name}.safetensors").write_bytes(data)
-    card = {"weights_sha256": hashlib.sha256(data).hexdigest()}
-    (folder / f"{task.name}.json").write_text(json.dumps(card))
-    return weights
 
 
 def test_an_expert_is_tanh_layers_over_normalised_inputs(task, shipped):

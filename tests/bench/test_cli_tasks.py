@@ -1,0 +1,75 @@
+"""`bench expert` and `bench demos`, on a small random expert whose every third episode fails."""
+
+import json
+
+import pytest
+from statsmodels.stats.proportion import proportion_confint
+
+from tasks.demos import demos_path
+
+pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
+
+
+def test_evaluate_gives_success_with_its_interval(task, shipped, bench):
+    code, out, _ = bench("expert", "evaluate", "door", "--episodes", "30", "--json")
+    result = json.loads(out)
+    low, high = proportion_confint(20, 30, method="wilson")
+    assert code == 0
+    assert result.pop("low") == pytest.approx(low)
+    assert result.pop("high") == pytest.approx(high)
+    assert result == {
+        "task": "door",
+        "split": "probe",
+        "physics": "nominal",
+        "episodes": 30,
+        "successes": 20,
+        "success_rate": pytest.approx(2 / 3),
+        "diverged": 0,
+    }
+
+
+def test_evaluate_can_be_read_by_a_person(task, shipped, bench):
+    options = ("--episodes", "3", "--split", "ood", "--physics", "heavy_hand")
+    code, out, _ = bench("expert", "evaluate", "door", *options)
+    assert code == 0
+    assert "door/ood, physics heavy_hand: 2 of 3 episodes succeed, 66.7% [20.8%, 93.9%]" in out
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "answer"),
+    [
+        ("--split", "odd", "did you mean 'ood'"),
+        ("--physics", "heavy", "heavy_object"),
+        ("--episodes", "0", "must be 1 or more"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_a_usage_error(task, shipped, bench, option, value, answer):
+    code, out, err = bench("expert", "evaluate", "door", option, value)
+    assert (code, out) == (2, "")
+    assert answer in err
+
+
+def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp_path):
+    code, out, _ = bench("demos", "make", "door")
+    assert code == 0
+    assert f"door: 6 + 2 demonstrations in {demos_path(task)}" in out
+
+    folder, file = tmp_path / "set", tmp_path / "door.safetensors"
+    assert bench("demos", "export", "door", str(folder))[0] == 0
+    code, out, _ = bench("demos", "import", "door", str(folder), "--out", str(file))
+    assert code == 0
+    assert "door: 5 of 8 episodes succeed on replay" in out
+    assert "episodes that fail: 0, 3, 6" in out
+    assert file.exists()
+
+    code, out, _ = bench("demos", "verify", "door", str(folder))
+    assert code == 3
+    assert "5 of 8" in out
+
+
+def test_a_folder_that_is_no_data_set_changes_nothing(task, shipped, bench, tmp_path):
+    file = tmp_path / "door.safetensors"
+    code, _, err = bench("demos", "import", "door", str(tmp_path), "--out", str(file))
+    assert code == 2
+    assert "no Minari data set" in err
+    assert not file.exists()
