@@ -1,12 +1,14 @@
 """`bench demos`: the demonstrations that methods learn from."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tasks.data import BoolArray
 from tasks.registry import TASKS, get_task
+
+if TYPE_CHECKING:
+    from tasks.data import BoolArray
 
 app = typer.Typer(
     no_args_is_help=True, help="Make demonstrations, and exchange them in Minari's format."
@@ -70,7 +72,7 @@ def verify(task: TaskName, folder: Folder) -> None:
         raise typer.Exit(SOME_FAILED)
 
 
-def _print_replay(task: str, success: BoolArray) -> None:
+def _print_replay(task: str, success: "BoolArray") -> None:
     failed = [str(episode) for episode in (~success).nonzero()[0]]
     print(f"{task}: {success.sum()} of {len(success)} episodes succeed on replay")
     if failed:
