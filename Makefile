@@ -3,13 +3,18 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help bench test check install install-dev benchmark clean
+.PHONY: help bench demo test check install install-dev benchmark clean
 
 help: ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
 
-bench: install ## Install into .venv and show what can be run
-	$(BIN)/bench list
+bench: install ## Install into .venv, run the quick study and write its report
+	$(BIN)/bench run quick --out results/quick
+	$(BIN)/bench report results/quick
+
+demo: install ## The same with the smallest study, in minutes
+	$(BIN)/bench run smoke --out results/smoke
+	$(BIN)/bench report results/smoke
 
 test: install-dev check ## Install with all extras, then lint, types, import rules and tests
 	$(BIN)/pytest

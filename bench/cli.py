@@ -2,6 +2,7 @@
 
 import json
 import sys
+from importlib.metadata import entry_points
 from typing import Annotated, Any
 
 import typer
@@ -9,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bench import cli_demos, cli_expert
+from bench import cli_demos, cli_expert, cli_run
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
@@ -20,6 +21,9 @@ app = typer.Typer(
 )
 app.add_typer(cli_expert.app, name="expert")
 app.add_typer(cli_demos.app, name="demos")
+app.command("run")(cli_run.run)
+for point in sorted(entry_points(group="bench.commands"), key=lambda point: point.name):
+    app.command(point.name)(point.load())
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 USAGE_ERROR = 2
@@ -27,13 +31,22 @@ USAGE_ERROR = 2
 
 @app.command("list")
 def list_names(as_json: AsJson = False) -> None:
-    """List the tasks, methods and experiments there are."""
-    names = {"tasks": list(TASKS), "methods": [], "experiments": []}
+    """List the tasks, methods, experiments and presets there are."""
+    from bench.experiments import EXPERIMENTS
+    from bench.presets import PRESETS
+    from methods.registry import method_names
+
+    names = {
+        "tasks": list(TASKS),
+        "methods": method_names(),
+        "experiments": list(EXPERIMENTS),
+        "presets": list(PRESETS),
+    }
     if as_json:
         print(json.dumps(names))
         return
     for kind, known in names.items():
-        print(f"{kind}: {', '.join(known) or 'none yet'}")
+        print(f"{kind}: {', '.join(known)}")
 
 
 @app.command()

@@ -84,3 +84,26 @@ def evaluate(
             **result
         )
     )
+
+
+@app.command()
+def probe(
+    task: TaskName,
+    folder: Annotated[
+        Path | None, typer.Option(help="A training run; the shipped expert unless told.")
+    ] = None,
+    episodes: Annotated[int, typer.Option(help="Starts of `probe` for KODex.")] = 1000,
+) -> None:
+    """Measure whether an expert's demonstrations can be imitated; prints one JSON object."""
+    from bench.controller import ControllerConfig
+    from bench.probe import probe as probe_expert
+    from tasks.experts import Expert, load_expert
+
+    chosen = get_task(task)
+    if folder is None:
+        expert = load_expert(chosen).policy
+    else:
+        from tasks.training import expert_weights, read_checkpoint
+
+        expert = Expert(expert_weights(read_checkpoint(folder)[0]))
+    print(json.dumps(probe_expert(chosen, expert, episodes, ControllerConfig()), indent=2))

@@ -81,13 +81,12 @@ def _join(parts: list[Demos]) -> Demos:
     )
 
 
-def make_demos(task: Task, n: int, threads: int = 0) -> Demos:
-    """Returns the expert's first n successful episodes of the split ``demo``.
+def make_demos(task: Task, expert: Policy, n: int, threads: int = 0) -> Demos:
+    """Returns an expert's first n successful episodes of the split ``demo``.
 
     Raises:
         InputError: fewer than one episode in ten succeeds.
     """
-    expert = load_expert(task).policy
     found: list[Demos] = []
     tried = 0
     while sum(map(len, found)) < n:
@@ -125,7 +124,7 @@ def load_demos(task: Task) -> Demos:
     path = demos_path(task)
     data = _read(path)
     if data is None:
-        save_demos(make_demos(task, TRAINING + VALIDATION), path)
+        save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
         data = path.read_bytes()
     return _from_bytes(task, data)
 

@@ -35,8 +35,9 @@ class Recipe:
     for from the beginning, calm would stop the expert from exploring."""
     steps: int = 5_000_000
     """Environment steps in all."""
-    episodes: int = 128
-    """Whole episodes in an iteration: enough starts to average over their range."""
+    episodes: int = 256
+    """Whole episodes in an iteration: enough starts to average over their range, and of the short
+    tasks enough steps."""
     epochs: int = 8
     minibatches: int = 8
     learning_rate: float = 3e-4
@@ -158,12 +159,12 @@ def reorientation_reward(batch: Batch) -> FloatArray:
 RECIPES = {
     "tool": Recipe(tool_reward, action_rate=1.0, hand_speed=0.05),
     "door": Recipe(door_reward, action_rate=1.0, hand_speed=0.05, steps=8_000_000),
-    "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05),
+    "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
     "reorientation": Recipe(
         reorientation_reward,
         action_rate=0.3,
         hand_speed=0.02,
         initial_std=0.3,  # with more, the pen leaves the hand before anything is learnt
-        steps=8_000_000,
+        steps=10_000_000,
     ),
 }

@@ -19,6 +19,15 @@ settings.register_profile("suite", deadline=None, derandomize=True)
 settings.load_profile("suite")
 
 
+def pytest_addoption(parser):
+    parser.addoption("--kills", type=int, default=1, help="how often a run is killed")
+
+
+@pytest.fixture
+def kills(request):
+    return request.config.getoption("--kills")
+
+
 @pytest.fixture(params=TASKS)
 def task(request):
     return get_task(request.param)

@@ -23,8 +23,14 @@ def test_python_in_the_readme_runs(code):
 commands = [line for block in blocks("sh") for line in block.splitlines() if line.startswith(BENCH)]
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("readme")
+
+
 @pytest.mark.parametrize("command", commands)
-def test_commands_in_the_readme_run(command, monkeypatch):
+def test_commands_in_the_readme_run(command, monkeypatch, folder):
+    monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "argv", ["bench", *shlex.split(command.removeprefix(BENCH))])
     with pytest.raises(SystemExit) as stop:
         main()

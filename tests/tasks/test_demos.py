@@ -75,7 +75,7 @@ def test_the_cache_holds_the_same_bytes_as_a_new_making(task, shipped):
     path.unlink()
     demos.load_demos(task)
     assert path.read_bytes() == data
-    part = demos.make_demos(task, 3, threads=1)
+    part = demos.make_demos(task, experts.load_expert(task).policy, 3, threads=1)
     np.testing.assert_array_equal(part.states, first[:3].states)
 
 
@@ -95,7 +95,7 @@ def test_a_flipped_byte_is_noticed_and_made_anew(task, shipped, position, capsys
 def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):
     monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
     with pytest.raises(InputError, match=r"succeeded in 0 of \d+ episodes"):
-        demos.make_demos(task, 2)
+        demos.make_demos(task, experts.load_expert(task).policy, 2)
 
 
 def test_other_weights_are_other_demonstrations(task, shipped, tmp_path):

@@ -1,0 +1,67 @@
+"""Studies that have a name: what is run, and how thoroughly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bench.controller import ControllerConfig
+from methods.registry import method_names
+from tasks.errors import unknown_name
+from tasks.registry import TASKS
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a run asks for; `bench.experiments` turns it into cells."""
+
+    episodes: Mapping[str, int]
+    """Episodes of each evaluation, by experiment; an experiment that is not named is not run."""
+    tasks: tuple[str, ...] = TASKS
+    methods: tuple[str, ...] = field(default_factory=lambda: tuple(method_names()))
+    sizes: tuple[str, ...] | None = None
+    """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method."""
+    variants: tuple[str, ...] = ("described",)
+    seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
+    demos: int = 200
+    epochs_share: float = 1.0
+    """Share of a method's epochs, where its config has such a field."""
+    settings: Mapping[tuple[str, str], Any] = field(default_factory=dict)
+    """Values in place of a config's own, by method and field."""
+    controller: ControllerConfig = field(default_factory=ControllerConfig)
+    note: str = ""
+    """What a reader of the tables must know."""
+
+
+def get_preset(name: str) -> Study:
+    """Returns the study of that name.
+
+    Raises:
+        InputError: there is no such preset.
+    """
+    if name not in PRESETS:
+        raise unknown_name("preset", name, PRESETS)
+    return PRESETS[name]
+
+
+SMALLEST = "smallest"
+REDUCED = "reduced protocol"
+
+PRESETS = {
+    "smoke": Study(
+        episodes={"sizes": 20, "success": 20},
+        tasks=("door",),
+        sizes=(SMALLEST,),
+        seeds=(1,),
+        demos=10,
+        epochs_share=0.025,
+        controller=ControllerConfig(epochs=5),
+        note=REDUCED,
+    ),
+    "quick": Study(
+        episodes={"sizes": 50, "success": 200},
+        seeds=(1,),
+        epochs_share=0.1,
+        note=REDUCED,
+    ),
+    "paper": Study(episodes={"sizes": 50, "success": 10_000}),
+}

@@ -1,0 +1,74 @@
+"""Whether an expert's demonstrations can be imitated: two probes to pass before it is shipped.
+
+(a) The controller, trained on the training demonstrations, tracks the recorded motions of the
+validation demonstrations: what remains of their success is what any perfect method could have.
+(b) KODex, fitted to the training demonstrations, on starts of ``probe``. It is a floor to pass,
+never a way to rank experts.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from bench.controller import Controller, ControllerConfig, train_controller
+from bench.rollout import TrackedMotion
+from methods.base import MotionMethod, Parameters
+from methods.kodex import Kodex
+from tasks.base import Task
+from tasks.data import Demos, FloatArray
+from tasks.demos import TRAINING, VALIDATION, make_demos
+from tasks.simulator import Policy, rollout
+
+
+class Recorded(MotionMethod):
+    """Answers a start with the demonstration that began there."""
+
+    name = "recorded"
+
+    def __init__(self, demos: Demos) -> None:
+        self._states = demos.states
+
+    def rollout(self, start: FloatArray, steps: int) -> FloatArray:
+        """Returns the recorded states (B, steps + 1, D) of the nearest start."""
+        apart = np.abs(start[:, None] - self._states[:, 0]).max(axis=-1)
+        return self._states[apart.argmin(axis=1), : steps + 1]
+
+    def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
+        """Has nothing to learn."""
+
+    def parameters(self) -> Parameters:
+        """Has learnt nothing."""
+        return {}
+
+    def load(self, parameters: Parameters) -> None:
+        """Has nothing to take."""
+
+
+def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -> dict[str, Any]:
+    """Returns both probes' success of an expert, and how rough its demonstrations are.
+
+    Args:
+        task: what the expert does.
+        expert: who demonstrates.
+        episodes: starts of ``probe`` for (b).
+        config: how the controller is trained.
+    """
+    demos = make_demos(task, expert, TRAINING + VALIDATION)
+    training, validation = demos[:TRAINING], demos[TRAINING:]
+    controller = Controller(train_controller(config, training, task.name))
+    kodex = Kodex(Kodex.sizes["single"], task.layout)
+    kodex.fit(training, validation, 0)
+    tracked = rollout(task, validation.starts, TrackedMotion(Recorded(validation), controller))
+    starts = task.sample("probe", episodes)
+    imitated = rollout(task, starts, TrackedMotion(kodex, controller))
+    eigenvalues = kodex.diagnostics()["eigenvalues"]
+    return {
+        "task": task.name,
+        "tracked_validation_motions": float(tracked.success.mean()),
+        "kodex_success": float(imitated.success.mean()),
+        "kodex_largest_eigenvalue": float(np.hypot(*eigenvalues.T).max()),
+        "episodes": episodes,
+        "starts_tried": int(demos.starts.index[-1]) + 1,
+        "mean_squared_action_change": float((np.diff(demos.actions, axis=1) ** 2).mean()),
+        "mean_squared_hand_velocity": float((demos.velocities**2).mean()),
+    }

@@ -1,0 +1,135 @@
+"""What is fitted and how it is evaluated, and the keys by which results are found again.
+
+A key hashes resolved values alone: never an order, a path, a time, or a number of episodes, since
+more episodes extend the same evaluation.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from bench.controller import ControllerConfig
+from methods.base import Method
+from methods.registry import get_method
+from tasks.base import SPLITS
+from tasks.data import key
+from tasks.errors import unknown_name
+from tasks.physics import NOMINAL, PHYSICS
+from tasks.registry import get_task
+from tasks.simulator import CHUNK
+
+EXPERT = "expert"
+"""Stands for a method in tables; nothing is fitted for it."""
+VALIDATION = "validation"
+"""The starts of the validation demonstrations, as a split."""
+EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
+ORIGINAL, NO_CONTROLLER = "original", "none"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A method with all that decides what it learns."""
+
+    task: str
+    method: str
+    variant: str
+    size: str
+    config: Mapping[str, Any]
+    """Every field of the method's config."""
+    demos: int
+    """N, the first so many training demonstrations."""
+    seed: int
+    recipe: str
+    """Key of what the demonstrations are made from."""
+
+    @cached_property
+    def key(self) -> str:
+        """Names the fit; its size has no part in it, the config that it stands for has."""
+        version = 0 if self.method == EXPERT else get_method(self.method).version
+        values = {name: value for name, value in asdict(self).items() if name != "size"}
+        return key("fit", version, values)
+
+    @property
+    def label(self) -> str:
+        """A name for people to read: of a folder, or in a message."""
+        parts = [self.task, self.method]
+        if self.method != EXPERT:
+            parts += [self.variant, self.size, f"n{self.demos}", f"s{self.seed}"]
+        return "-".join(parts)
+
+    def build(self) -> Method:
+        """Returns the method, not fitted.
+
+        Raises:
+            InputError: the method refuses the config.
+        """
+        method = get_method(self.method)
+        config = type(next(iter(method.sizes.values())))
+        # JSON has no tuples.
+        values = {n: tuple(v) if isinstance(v, list) else v for n, v in self.config.items()}
+        return method(config(**values), get_task(self.task).layout)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The conditions in which a fit is put to the test.
+
+    Raises:
+        InputError: there is no such split, or no such physics.
+    """
+
+    task: str
+    split: str
+    physics: str = NOMINAL
+    controller: str = ORIGINAL
+    """Name of what tracks a predicted motion; none for what acts by itself."""
+    controller_key: str = ""
+
+    def __post_init__(self) -> None:
+        if self.split not in EVALUATION_SPLITS:
+            raise unknown_name("split", self.split, EVALUATION_SPLITS)
+        if self.physics not in PHYSICS:
+            raise unknown_name("physics", self.physics, PHYSICS)
+
+    @property
+    def name(self) -> str:
+        """The name of its file, without ending."""
+        return f"eval-{self.split}-{self.physics}-{self.controller}"
+
+    def key(self, fit: Fit) -> str:
+        """Names what comes of a fit in these conditions."""
+        task = get_task(self.task)
+        rules = (task.version, task.model_hash, task.horizon, CHUNK)
+        return key("evaluation", fit.key, asdict(self), rules)
+
+
+@dataclass(frozen=True)
+class ControllerSpec:
+    """A tracking controller with all that decides what it learns."""
+
+    task: str
+    config: ControllerConfig
+    demos: int
+    recipe: str
+    name: str = ORIGINAL
+
+    @cached_property
+    def key(self) -> str:
+        """Names the controller."""
+        return key("controller", self.task, self.config.resolved(), self.demos, self.recipe)
+
+    @property
+    def label(self) -> str:
+        """A name for people to read."""
+        return f"{self.task}-{self.name}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One fit, one evaluation of it, and how many episodes are asked for."""
+
+    fit: Fit
+    evaluation: Evaluation
+    episodes: int
+    controller: ControllerSpec | None = None

@@ -1,0 +1,350 @@
+"""Results on disk: written once, checked on each reading, listed as a data frame.
+
+A results folder holds::
+
+    study.json                  what has been asked for: tables show this and no more
+    cells/<label>-<key>/        one fit
+        fit.json                what it is, times, host, versions, SHA-256 of the two below
+        weights.safetensors     what it learnt; diagnostics.safetensors: what is worth a look
+        eval-<split>-<physics>-<controller>.parquet     one row an episode
+    controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
+    damaged/                    what did not pass its check, set aside
+
+Whatever exists is complete: it was written under another name, flushed to the disk and renamed.
+Nothing read back is ever executed or unpickled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+from filelock import FileLock, Timeout
+from safetensors.numpy import load, save
+
+from tasks.errors import InputError
+
+if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
+    from bench.spec import Cell, ControllerSpec, Evaluation, Fit
+    from methods.base import Parameters
+    from tasks.data import Episodes
+
+FORMAT = 1
+KEY_DIGITS = 12
+_SEAL = re.compile(rb"sha256:[0-9a-f]{64}")
+_UNSEALED = b"sha256:" + b"0" * 64
+
+
+class DamagedError(Exception):
+    """A stored file is not what was written."""
+
+
+class Store:
+    """A results folder. Only one process may write to it, inside `locked`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.cells, self.controllers = folder / "cells", folder / "controllers"
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keeps other writers out, and clears away what an earlier one left unfinished.
+
+        Raises:
+            InputError: another process writes to the folder.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            with FileLock(self.folder / ".lock", timeout=0):
+                shutil.rmtree(self.folder / ".unfinished", ignore_errors=True)
+                yield
+        except Timeout as error:
+            raise InputError(f"another run is writing to {self.folder}: wait for it") from error
+
+    # Fits
+    def has_fit(self, fit: Fit) -> bool:
+        """Whether the fit is there; one that is damaged is set aside."""
+        return self._record(self._cell(fit), fit.key) is not None
+
+    def add_fit(
+        self, fit: Fit, weights: Parameters, diagnostics: Parameters, facts: Mapping[str, Any]
+    ) -> None:
+        """Stores a fit; facts are times and the like."""
+        files = {"weights": weights, "diagnostics": diagnostics}
+        self._add(self._cell(fit), "fit", asdict(fit), fit.key, files, facts)
+
+    def parameters(self, fit: Fit) -> Parameters:
+        """Returns what a stored fit has learnt."""
+        return load((self._cell(fit) / "weights.safetensors").read_bytes())
+
+    # Controllers
+    def has_controller(self, controller: ControllerSpec) -> bool:
+        """Whether the controller is there; one that is damaged is set aside."""
+        return self._record(self._controller(controller), controller.key) is not None
+
+    def add_controller(
+        self, controller: ControllerSpec, weights: Parameters, facts: Mapping[str, Any]
+    ) -> None:
+        """Stores a controller; facts are times and the like."""
+        spec, files = asdict(controller), {"weights": weights}
+        folder = self._controller(controller)
+        self._add(folder, "controller", spec, controller.key, files, facts)
+
+    def controller_weights(self, controller: ControllerSpec) -> Parameters:
+        """Returns the weights of a stored controller."""
+        return load((self._controller(controller) / "weights.safetensors").read_bytes())
+
+    # Evaluations
+    def episodes(self, fit: Fit, evaluation: Evaluation) -> pd.DataFrame | None:
+        """Returns the stored episodes, one row each, or None; what is damaged is set aside.
+
+        Episodes of another version of the task or of another controller count as missing.
+        """
+        table = self._table(self._evaluation(fit, evaluation), fit.key)
+        if table is None or _labels(table)["key"] != evaluation.key(fit):
+            return None
+        frame: pd.DataFrame = table.to_pandas()
+        return frame
+
+    def add_episodes(
+        self, fit: Fit, evaluation: Evaluation, episodes: Episodes, keep: int = 0
+    ) -> None:
+        """Stores episodes, after the first ``keep`` of those that are there already."""
+        path = self._evaluation(fit, evaluation)
+        table = _episodes_table(episodes)
+        if keep:
+            kept = _read_table(path, fit.key).slice(0, keep).cast(table.schema)
+            table = pa.concat_tables([kept, table]).combine_chunks()
+        labels = {name: str(value) for name, value in asdict(evaluation).items()}
+        labels |= {"format": str(FORMAT), "fit": fit.key, "key": evaluation.key(fit)}
+        self._write(path, _sealed(table.replace_schema_metadata(labels | {"seal": _UNSEALED})))
+
+    # Study
+    def ask_for(self, cells: Iterable[Cell]) -> None:
+        """Notes what is asked for, beside what was before; of one label, the last asked counts."""
+        study = self.study()
+        for cell in cells:
+            entry = study.setdefault(cell.fit.label, {"key": cell.fit.key, "evaluations": {}})
+            if entry["key"] != cell.fit.key:
+                entry |= {"key": cell.fit.key, "evaluations": {}}
+            entry["evaluations"][cell.evaluation.name] = cell.evaluation.key(cell.fit)
+        self.cells.mkdir(exist_ok=True)
+        text = json.dumps({"format": FORMAT, "fits": study}, indent=1, sort_keys=True)
+        self._write(self.folder / "study.json", text.encode())
+
+    def study(self) -> dict[str, Any]:
+        """Returns what has been asked for: by label of fit, its key and its evaluations' keys.
+
+        Raises:
+            InputError: study.json is damaged.
+        """
+        path = self.folder / "study.json"
+        if not path.exists():
+            return {}
+        try:
+            return dict(json.loads(path.read_bytes())["fits"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                f"{path} is damaged ({error}): remove it and run the study again; what is stored"
+                " will be found"
+            ) from error
+
+    def frame(self) -> pd.DataFrame:
+        """Returns one row for each evaluation that was asked for and is there.
+
+        Columns: the fields of `Fit` and `Evaluation`, and ``episodes``, ``successes``,
+        ``diverged``, ``fit_seconds``, ``folder``.
+
+        Raises:
+            InputError: the folder holds no results.
+        """
+        if not self.cells.exists():
+            raise InputError(f"{self.folder} holds no results: bench run writes them there")
+        rows = []
+        for label, entry in sorted(self.study().items()):
+            folder = self.cells / f"{label}-{entry['key'][:KEY_DIGITS]}"
+            record = self._record(folder, entry["key"])
+            for name, key in sorted(entry["evaluations"].items()) if record else ():
+                table = self._table(folder / f"{name}.parquet", entry["key"])
+                if record and table is not None and _labels(table)["key"] == key:
+                    rows.append(_row(folder, record, table))
+        return pd.DataFrame(rows)
+
+    # Writing
+    def _cell(self, fit: Fit) -> Path:
+        return self.cells / f"{fit.label}-{fit.key[:KEY_DIGITS]}"
+
+    def _evaluation(self, fit: Fit, evaluation: Evaluation) -> Path:
+        return self._cell(fit) / f"{evaluation.name}.parquet"
+
+    def _controller(self, controller: ControllerSpec) -> Path:
+        return self.controllers / f"{controller.label}-{controller.key[:KEY_DIGITS]}"
+
+    def _add(
+        self,
+        folder: Path,
+        kind: str,
+        spec: dict[str, Any],
+        key: str,
+        arrays: Mapping[str, Parameters],
+        facts: Mapping[str, Any],
+    ) -> None:
+        data = {f"{name}.safetensors": _to_bytes(a) for name, a in arrays.items() if a}
+        hashes = {name: hashlib.sha256(content).hexdigest() for name, content in data.items()}
+        record = {"format": FORMAT, "key": key, "spec": spec, "facts": facts, "sha256": hashes}
+        # JSON's own types, so that what is hashed here is what will be read.
+        record = json.loads(json.dumps(record))
+        data[f"{kind}.json"] = (json.dumps(record | {"self": _digest(record)}, indent=2)).encode()
+        temporary = self.folder / ".unfinished" / folder.name
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        for name, content in data.items():
+            _flush(temporary / name, content)
+        folder.parent.mkdir(exist_ok=True)
+        temporary.rename(folder)
+        _flush_folder(folder.parent)
+
+    def _write(self, path: Path, content: bytes) -> None:
+        temporary = self.folder / ".unfinished" / f"{path.parent.name}-{path.name}"
+        temporary.parent.mkdir(exist_ok=True)
+        _flush(temporary, content)
+        temporary.replace(path)
+        _flush_folder(path.parent)
+
+    # Reading
+    def _record(self, folder: Path, key: str) -> dict[str, Any] | None:
+        return self._unless_damaged(folder, lambda: _read_record(folder, key))
+
+    def _table(self, path: Path, fit_key: str) -> pa.Table | None:
+        return self._unless_damaged(path, lambda: _read_table(path, fit_key))
+
+    def _unless_damaged(self, path: Path, read: Callable[[], Any]) -> Any:
+        """What is read from a path; None if it is not there, or damaged and now set aside."""
+        if not path.exists():
+            return None
+        try:
+            return read()
+        except DamagedError as error:
+            self._set_aside(path, str(error))
+            return None
+
+    def _set_aside(self, path: Path, reason: str) -> None:
+        place = self.folder / "damaged"
+        place.mkdir(exist_ok=True)
+        target = place / f"{path.parent.name}-{path.name}-{len(list(place.iterdir()))}"
+        path.rename(target)
+        print(f"{path}: {reason}; set aside as {target}", file=sys.stderr)
+
+
+def _read_record(folder: Path, key: str) -> dict[str, Any]:
+    """Returns fit.json or controller.json of a folder once all it says has been checked."""
+    path = folder / ("controller.json" if folder.parent.name == "controllers" else "fit.json")
+    try:
+        record = dict(json.loads(path.read_bytes()))
+        _check(record.pop("self") == _digest(record), path.name)
+        _check(record["key"] == key, "its key")
+        for name, expected in record["sha256"].items():
+            content = (folder / Path(name).name).read_bytes()
+            _check(hashlib.sha256(content).hexdigest() == expected, name)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DamagedError(f"{path.name} cannot be read ({error})") from error
+    return record
+
+
+def _read_table(path: Path, fit_key: str) -> pa.Table:
+    """Returns stored episodes once their content has been checked."""
+    try:
+        content = path.read_bytes()
+        seals = _SEAL.findall(content)
+        _check(len(seals) == 1 and seals[0] == _seal(_SEAL.sub(_UNSEALED, content)), "its content")
+        table = pq.read_table(pa.BufferReader(content))
+        labels = _labels(table)
+        _check((labels["fit"], labels["format"]) == (fit_key, str(FORMAT)), "its place")
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
+        raise DamagedError(f"it cannot be read ({error})") from error
+    return table
+
+
+def _labels(table: pa.Table) -> dict[str, str]:
+    return {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
+
+
+def _row(folder: Path, record: Mapping[str, Any], table: pa.Table) -> dict[str, Any]:
+    conditions = ("split", "physics", "controller", "controller_key")
+    labels = _labels(table)
+    return (
+        record["spec"]
+        | {name: labels[name] for name in conditions}
+        | {
+            "episodes": table.num_rows,
+            "successes": int(np.sum(table["success"].to_numpy())),
+            "diverged": int(np.sum(table["diverged"].to_numpy())),
+            "fit_seconds": record["facts"].get("seconds", np.nan),
+            "folder": folder.name,
+        }
+    )
+
+
+def _check(passes: bool, what: str) -> None:
+    if not passes:
+        raise DamagedError(f"{what} is not what was written")
+
+
+def _episodes_table(episodes: Episodes) -> pa.Table:
+    readings = episodes.readings.astype(np.float32)
+    columns = {
+        "start": pa.array(episodes.starts.index),
+        "success": pa.array(episodes.success),
+        "diverged": pa.array(episodes.diverged),
+        "steps": pa.array(episodes.steps.astype(np.int16)),
+        "readings": pa.FixedSizeListArray.from_arrays(readings.ravel(), readings.shape[1]),
+    }
+    return pa.table(columns)
+
+
+def _sealed(table: pa.Table) -> bytes:
+    """A parquet file that holds the SHA-256 of itself without it, so that it is written at once."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    content = sink.getvalue().to_pybytes()
+    return _SEAL.sub(_seal(content), content)
+
+
+def _seal(content: bytes) -> bytes:
+    return b"sha256:" + hashlib.sha256(content).hexdigest().encode()
+
+
+def _digest(record: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
+
+
+def _to_bytes(arrays: Parameters) -> bytes:
+    return save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
+
+
+def _flush(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,49 @@
+"""KODex against loops that take one sample, one state or one time step at a time."""
+
+import numpy as np
+import pytest
+
+from methods.kodex import Kodex, KodexConfig
+from methods.lifting import get_observables, lift
+from tasks.data import Demos, Layout, Starts, generator
+
+# Dimensions of the tool task, whose lifted state is the largest (763).
+LAYOUT = Layout(robot_dim=26, object_dim=15, action_dim=26)
+HORIZON = 100
+LOOP_DEMOS = 2
+
+
+@pytest.fixture
+def demos() -> Demos:
+    states = generator("benchmark kodex").standard_normal((200, HORIZON, 41))
+    starts = Starts("tool", "demo", np.arange(200), np.zeros((200, 1)))
+    return Demos(starts, states, states[:, :, :26], states[:, 1:, :26])
+
+
+def loop_over_samples(demos: Demos):
+    """Does the sums of appendix (9) pair by pair, for LOOP_DEMOS demonstrations."""
+    observables = get_observables(3)
+
+    def run() -> None:
+        a, g = np.zeros((2, 763, 763))
+        for motion in demos.states[:LOOP_DEMOS]:
+            for t in range(HORIZON - 1):
+                phi = lift(motion[t], 26, observables)
+                phi_after = lift(motion[t + 1], 26, observables)
+                a += np.outer(phi_after, phi)
+                g += np.outer(phi, phi)
+
+    return run
+
+
+@pytest.mark.parametrize("name", ["kodex_fit"])
+def test_fit(compare, demos, name):
+    kodex = Kodex(KodexConfig(), LAYOUT)
+    # The loop leaves out the pseudo-inverse, which is the same on both sides.
+    compare(
+        name,
+        ours=lambda: kodex.fit(demos, demos, 0),
+        peer=loop_over_samples(demos),
+        target=5.0,
+        work=(len(demos), LOOP_DEMOS),
+    )

@@ -1,0 +1,139 @@
+"""KODex: a Koopman operator as the model of a manipulation skill (appendix A, E).
+
+The lifted state phi(x) evolves linearly, z(t+1) = K z(t). K is the least-squares solution over all
+pairs of successive states of the demonstrations, K = A pinv(G) (appendix (9)):
+
+    A = 1/M sum phi(x(t+1)) phi(x(t))^T,    G = 1/M sum phi(x(t)) phi(x(t))^T.
+
+There is nothing random in it and nothing to tune but the observables.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.linalg
+from threadpoolctl import threadpool_limits
+
+from methods.base import MotionMethod, NotFittedError, Parameters
+from methods.lifting import get_observables, lift
+from tasks.data import Demos, FloatArray, Layout
+
+
+@dataclass(frozen=True)
+class KodexConfig:
+    """What can be chosen about KODex."""
+
+    observables: int | str = 3
+    """Number of a set of appendix J, or the import path ``"package.module:name"`` of others."""
+    cutoff: float = 1.0
+    """Directions of G below this multiple of p eps of its largest are noise, in pinv(G)."""
+
+
+class Kodex(MotionMethod):
+    """The Koopman operator K (p, p) and what follows from it."""
+
+    name = "kodex"
+    summary = "Koopman operator on polynomial observables"
+    version = 1
+    sizes: ClassVar[Mapping[str, KodexConfig]] = {"single": KodexConfig()}
+    default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("tool", "door", "relocation", "reorientation"), "single"
+    )
+    deterministic = True
+
+    def __init__(self, config: KodexConfig, layout: Layout) -> None:
+        super().__init__(config, layout)
+        self._observables = get_observables(config.observables)
+        self._koopman: FloatArray | None = None
+        self._readouts: FloatArray | None = None
+        self._residuals: FloatArray | None = None
+
+    @property
+    def koopman(self) -> FloatArray:
+        """K, (p, p).
+
+        Raises:
+            NotFittedError: neither `fit` nor `load` came before.
+        """
+        if self._koopman is None:
+            raise NotFittedError("this KODex has no K yet: call fit or load")
+        return self._koopman
+
+    def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
+        """Solves for K; validation and seed change nothing."""
+        lifted = self._lift(demos.states)
+        before, after = (_flat(lifted[:, rows]) for rows in (slice(None, -1), slice(1, None)))
+        # G has no clear gap between signal and noise, so the order of summation moves K: one
+        # thread makes it the same everywhere.
+        with threadpool_limits(1, "blas"):
+            koopman = solve_koopman(before, after, self.config.cutoff)
+            states = slice(0, self.layout.state_dim)
+            errors = np.abs(before @ koopman[states].T - after[:, states])
+        self.load({"koopman": koopman})
+        self._residuals = errors.mean(axis=0)
+
+    def parameters(self) -> Parameters:
+        """Returns K."""
+        return {"koopman": self.koopman}
+
+    def load(self, parameters: Parameters) -> None:
+        """Takes K."""
+        self._koopman = parameters["koopman"]
+        self._readouts = self._residuals = None
+
+    def rollout(self, start: FloatArray, steps: int) -> FloatArray:
+        """Returns z(t+1) = K z(t) read out as x, (B, steps + 1, D): no lifting on the way."""
+        with threadpool_limits(1, "blas"):
+            predicted = self._lift(start) @ self._read_out(steps).T
+        predicted = predicted.reshape(len(start), steps, self.layout.state_dim)
+        return np.concatenate([start[:, None], predicted], axis=1)
+
+    def diagnostics(self) -> Parameters:
+        """Returns the spectrum of K, and after a fit how well K explains the pairs it is from.
+
+        ``eigenvalues`` (p, 2) are real and imaginary parts (Fig. 7, Table 12);
+        ``one_step_residuals`` (D,) mean absolute errors of x(t+1) from phi(x(t)).
+        """
+        with threadpool_limits(1, "blas"):
+            values = scipy.linalg.eigvals(self.koopman)
+        found = {"eigenvalues": np.stack([values.real, values.imag], axis=-1)}
+        if self._residuals is not None:
+            found["one_step_residuals"] = self._residuals
+        return found
+
+    def _read_out(self, steps: int) -> FloatArray:
+        """The rows of K, K^2, ..., K^steps that give x, (steps D, p).
+
+        They serve every start, and cost far less than taking each lifted state through K.
+        """
+        dim = self.layout.state_dim
+        if self._readouts is None or len(self._readouts) < steps * dim:
+            rows = np.empty((steps, dim, len(self.koopman)))
+            rows[0] = self.koopman[:dim]
+            for t in range(1, steps):
+                rows[t] = rows[t - 1] @ self.koopman
+            self._readouts = rows.reshape(steps * dim, -1)
+        return self._readouts[: steps * dim]
+
+    def _lift(self, state: FloatArray) -> FloatArray:
+        return lift(state, self.layout.robot_dim, self._observables)
+
+
+def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> FloatArray:
+    """Returns K = A pinv(G), (p, p), of lifted pairs (M, p) and (M, p) (appendix (9)).
+
+    Singular values of G below cutoff * p * eps times the largest count as zero: numpy's smaller
+    default keeps directions that are rounding errors.
+    """
+    pairs, observables = before.shape
+    a = after.T @ before / pairs
+    g = before.T @ before / pairs
+    # G is symmetric and positive semidefinite: its eigenvalues are its singular values.
+    inverse = scipy.linalg.pinvh(g, rtol=cutoff * observables * np.finfo(np.float64).eps)
+    return a @ inverse
+
+
+def _flat(lifted: FloatArray) -> FloatArray:
+    return lifted.reshape(-1, lifted.shape[-1])

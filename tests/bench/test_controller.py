@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+import torch
+
+from bench.controller import Controller, ControllerConfig, train_controller
+from tasks.data import Demos, Starts, generator
+
+CONFIG = ControllerConfig(epochs=3, batch_size=16)
+
+
+@pytest.fixture
+def demos():
+    rng = generator("controller demos")
+    starts = Starts("toy", "demo", np.arange(4), np.zeros((4, 1)))
+    states = rng.standard_normal((4, 11, 5))
+    return Demos(starts, states, np.zeros((4, 11, 3)), np.clip(states[:, 1:, :2], -1, 1))
+
+
+def test_layers_are_those_of_table_6(demos):
+    shapes = {name: array.shape for name, array in train_controller(CONFIG, demos, "toy").items()}
+    # H = 3, A = 2: 2 H, 4 H, 4 H, 2 H, A.
+    assert shapes == {
+        "weight0": (12, 6),
+        "weight1": (12, 12),
+        "weight2": (6, 12),
+        "weight3": (2, 6),
+        "bias0": (12,),
+        "bias1": (12,),
+        "bias2": (6,),
+        "bias3": (2,),
+    }
+
+
+def test_actions_are_those_of_the_same_network_in_torch(demos):
+    weights = train_controller(CONFIG, demos, "toy")
+    present, wanted = generator("present").standard_normal((2, 7, 3))
+    x = torch.tensor(np.concatenate([present, wanted], axis=1), dtype=torch.float32)
+    for i in range(4):
+        x = torch.nn.functional.linear(
+            x, torch.tensor(weights[f"weight{i}"]), torch.tensor(weights[f"bias{i}"])
+        )
+        x = torch.relu(x) if i < 3 else x
+    np.testing.assert_allclose(Controller(weights).act(present, wanted), x.numpy(), atol=1e-6)
+
+
+def test_training_is_repeatable_and_leaves_the_global_stream_alone(demos):
+    first = train_controller(CONFIG, demos, "toy")
+    torch.manual_seed(5)
+    expected = torch.rand(3)
+    torch.manual_seed(5)
+    second = train_controller(CONFIG, demos, "toy")
+    assert torch.equal(torch.rand(3), expected)
+    other = train_controller(CONFIG, demos, "other")
+    for name, array in first.items():
+        np.testing.assert_array_equal(second[name], array)
+    assert any((other[name] != array).any() for name, array in first.items())
+
+
+def test_the_controller_learns_what_it_is_shown(demos):
+    config = ControllerConfig(epochs=400, batch_size=8, learning_rate=3e-3)
+    controller = Controller(train_controller(config, demos, "toy"))
+    q = demos.states[:, :, :3]
+    actions = controller.act(q[:, :-1].reshape(-1, 3), q[:, 1:].reshape(-1, 3))
+    assert np.abs(actions - demos.actions.reshape(-1, 2)).mean() < 0.05

@@ -1,0 +1,188 @@
+"""`bench run` and `bench report` as a user meets them, on a small random expert."""
+
+import hashlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+
+from bench.experiments import cells_of
+from bench.presets import PRESETS, get_preset
+from bench.run import run
+from bench.store import Store
+from tasks.errors import InputError
+
+
+@pytest.fixture
+def door(request, monkeypatch):
+    monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6))
+    monkeypatch.setattr("bench.run.TRAINING", 6)
+    request.getfixturevalue("shipped")
+
+
+def files_of(folder):
+    """The bytes of everything that must not depend on how a run went."""
+    kinds = ("*.parquet", "weights.safetensors", "tables/*", "figures/*")
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for kind in kinds
+        for path in folder.rglob(kind)
+        if "damaged" not in path.parts
+    }
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+class TestInProcess:
+    def test_a_run_stores_what_it_says_and_the_next_finds_nothing_missing(
+        self, task, door, bench, tmp_path
+    ):
+        out = tmp_path / "results"
+        code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
+        # One controller, one fit, and KODex on two splits and the expert on one.
+        assert (code, said) == (0, f"5 jobs done, 3 cells complete in {out}\n")
+        frame = Store(out).frame().set_index(["method", "split"])
+        assert dict(frame.episodes) == {
+            ("expert", "test"): 20,
+            ("kodex", "test"): 20,
+            ("kodex", "validation"): 2,
+        }
+        before = files_of(out)
+        code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
+        assert (code, said) == (0, f"0 jobs done, 3 cells complete in {out}\n")
+        assert files_of(out) == before
+
+    def test_more_episodes_extend_what_is_there(self, task, door, tmp_path, monkeypatch):
+        monkeypatch.setattr(type(task), "success", lambda self, r: (1e6 * r[:, -1]) % 2 < 1)
+        study = replace(get_preset("smoke"), episodes={"success": 503})
+        run(study, tmp_path / "grown", jobs=1)
+        larger = replace(study, episodes={"success": 510})
+        assert run(larger, tmp_path / "grown", jobs=1).done == 2
+        run(larger, tmp_path / "at once", jobs=1)
+        assert files_of(tmp_path / "grown") == files_of(tmp_path / "at once")
+
+    def test_what_is_damaged_is_computed_again(self, task, door, tmp_path, capsys):
+        study = get_preset("smoke")
+        run(study, tmp_path, jobs=1)
+        before = files_of(tmp_path)
+        path = next(tmp_path.glob("cells/door-kodex*/weights.safetensors"))
+        path.write_bytes(path.read_bytes()[:-1])
+        # The fit and both evaluations of it.
+        assert run(study, tmp_path, jobs=1).done == 3
+        assert files_of(tmp_path) == before
+        assert "set aside" in capsys.readouterr().err
+
+    def test_other_settings_are_other_cells(self, task, door, bench, tmp_path):
+        out = ("--out", str(tmp_path), "--jobs", "1")
+        bench("run", "smoke", *out)
+        assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith("3 jobs")
+        config = json.loads(Store(tmp_path).frame().config.map(json.dumps).iloc[-1])
+        assert config == {"observables": 1, "cutoff": 1.0}
+
+    def test_the_report_has_table_1_with_interval_n_and_the_published_value(
+        self, task, door, bench, tmp_path
+    ):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        code, said, _ = bench("report", str(tmp_path))
+        assert code == 0
+        assert "| Door" in said
+        folder = tmp_path / "report"
+        header, row = (folder / "tables/table_1.csv").read_text().splitlines()
+        assert header == "task,success [%],low [%],high [%],n,diverged,published [%]"
+        assert row.split(",")[0] == "Door"
+        assert row.split(",")[4:] == ["2", "0", "96.0"]
+        assert r"\toprule" in (folder / "tables/table_1.tex").read_text()
+        for ending in ("png", "pdf", "svg"):
+            assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
+
+    def test_a_report_of_the_same_results_has_the_same_bytes(self, task, door, bench, tmp_path):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        bench("report", str(tmp_path))
+        before = files_of(tmp_path)
+        bench("report", str(tmp_path))
+        assert files_of(tmp_path) == before
+
+    @pytest.mark.parametrize(
+        ("options", "answer"),
+        [
+            (("smok",), "did you mean 'smoke'"),
+            (("smoke", "--tasks", "dor"), "did you mean 'door'"),
+            (("smoke", "--methods", "kodx"), "did you mean 'kodex'"),
+            (("smoke", "--sizes", "singel"), "did you mean 'single'"),
+            (("smoke", "--variants", "describd"), "did you mean 'described'"),
+            (("smoke", "--experiments", "suces"), "did you mean 'success'"),
+            (("smoke", "--seeds", "x"), "--seeds takes a number"),
+            (("smoke", "--seeds", "0"), "--seeds takes a number"),
+            (("smoke", "--episodes", "0"), "--episodes must be 1 or more"),
+            (("smoke", "--jobs", "0"), "--jobs must be 1 or more"),
+            (("smoke", "--set", "kodex"), "METHOD.FIELD=VALUE"),
+            (("smoke", "--set", "kodex.observabls=2"), "did you mean 'observables'"),
+            (("smoke", "--set", "kodx.observables=2"), "not among the methods"),
+            (("smoke", "--set", "kodex.observables=9"), "choose from [1, 2, 3, 4]"),
+        ],
+    )
+    def test_what_does_not_exist_is_refused(self, task, door, bench, tmp_path, options, answer):
+        out = tmp_path / "results"
+        code, said, error = bench("run", *options, "--out", str(out))
+        assert (code, said) == (2, "")
+        assert answer in error
+        assert not (out / "cells").exists()
+
+
+def start(*arguments, **environment):
+    command = [sys.executable, "-c", "from bench.cli import main; main()", "run", "smoke"]
+    return subprocess.Popen(
+        [*command, "--tasks", "relocation", *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        env=os.environ | environment,
+    )
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
+    assert start("--out", str(out), "--jobs", "1", OMP_NUM_THREADS="1").wait() == 0
+    return out
+
+
+def report(folder):
+    from reports.write import write_report
+
+    write_report(Store(folder).frame(), folder / "report")
+    return files_of(folder)
+
+
+def test_two_jobs_give_the_files_of_one(uninterrupted, tmp_path):
+    assert start("--out", str(tmp_path), "--jobs", "2", OMP_NUM_THREADS="2").wait() == 0
+    assert report(tmp_path) == report(uninterrupted)
+
+
+def test_a_killed_run_goes_on_to_the_same_files(uninterrupted, tmp_path, kills):
+    draw = random.Random(0)
+    for _ in range(kills):
+        running = start("--out", str(tmp_path), "--jobs", "2")
+        time.sleep(draw.uniform(2, 12))
+        os.killpg(running.pid, signal.SIGKILL)
+        running.wait()
+    assert start("--out", str(tmp_path), "--jobs", "2").wait() == 0
+    assert report(tmp_path) == report(uninterrupted)
+
+
+def test_experts_are_evaluated_once_for_all_methods():
+    study = get_preset("paper")
+    cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
+    places = [(cell.fit.key, cell.evaluation.name) for cell in cells]
+    assert len(places) == len(set(places))
+    assert sum(cell.fit.method == "expert" for cell in cells) == len(study.tasks)
+
+
+def test_unknown_experiments_are_refused():
+    with pytest.raises(InputError, match="did you mean 'success'"):
+        cells_of(replace(get_preset("smoke"), episodes={"sucess": 1}), {"door": ""})

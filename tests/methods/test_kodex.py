@@ -1,0 +1,127 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from methods.base import NotFittedError
+from methods.kodex import Kodex, KodexConfig, solve_koopman
+from methods.lifting import get_observables, lift
+from tasks.data import Demos, Layout, Starts, generator
+
+LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
+
+
+def make_demos(states) -> Demos:
+    n, t, _ = states.shape
+    starts = Starts("toy", "demo", np.arange(n), np.zeros((n, 1)))
+    return Demos(starts, states, np.zeros((n, t, 3)), np.zeros((n, t - 1, 3)))
+
+
+@pytest.fixture
+def noisy():
+    """Motions that fill every direction of the lifted space."""
+    return make_demos(generator("kodex").standard_normal((30, 20, 5)))
+
+
+@pytest.fixture
+def flat():
+    """Motions on a plane in state space: G has half its directions exactly empty."""
+    rng = generator("kodex flat")
+    turn = np.linalg.qr(rng.standard_normal((2, 2)))[0] * 0.98
+    plane = np.zeros((30, 20, 2))
+    plane[:, 0] = rng.uniform(0.5, 1, (30, 2))
+    for t in range(1, 20):
+        plane[:, t] = plane[:, t - 1] @ turn.T
+    spread = np.array([[1.0, 0, 0, 1, 0], [0, 1, 0, 0, 1]])
+    return make_demos(plane @ spread)
+
+
+def fitted(demos, **config) -> Kodex:
+    kodex = Kodex(KodexConfig(**config), LAYOUT)
+    kodex.fit(demos, demos, 1)
+    return kodex
+
+
+def by_definition(demos, observables):
+    """Appendix (9), pair by pair, in plain loops."""
+    a, g, pairs = 0, 0, 0
+    for motion in demos.states:
+        for x, after in pairwise(motion):
+            phi, phi_after = lift(x, 3, observables), lift(after, 3, observables)
+            a = a + np.outer(phi_after, phi)
+            g = g + np.outer(phi, phi)
+            pairs += 1
+    cutoff = len(g) * np.finfo(float).eps
+    return (a / pairs) @ np.linalg.pinv(g / pairs, rcond=cutoff)
+
+
+def step_by_step(koopman, observables, start, steps):
+    """Appendix (3), (8): the lifted state through K, and read out."""
+    z, motion = lift(start, 3, observables), [start]
+    for _ in range(steps):
+        z = np.array([koopman @ one for one in z])
+        motion.append(z[:, :5])
+    return np.stack(motion, axis=1)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+@pytest.mark.parametrize("kind", ["noisy", "flat"])
+def test_motions_are_those_of_the_definition(request, kind, number):
+    demos = request.getfixturevalue(kind)
+    observables = get_observables(number)
+    koopman = by_definition(demos, observables)
+    start = demos.states[:7, 0]
+    expected = step_by_step(koopman, observables, start, 10)
+    motion = fitted(demos, observables=number).rollout(start, 10)
+    assert motion.shape == (7, 11, 5)
+    assert np.abs(motion - expected).max() <= 1e-8 * np.abs(expected).max()
+
+
+def test_a_linear_system_is_found_exactly():
+    rng = generator("linear system")
+    dynamics = 0.9 * np.linalg.qr(rng.standard_normal((5, 5)))[0]
+    states = np.zeros((40, 12, 5))
+    states[:, 0] = rng.standard_normal((40, 5))
+    for t in range(1, 12):
+        states[:, t] = states[:, t - 1] @ dynamics.T
+    # Products of a linear system's states evolve linearly too.
+    kodex = fitted(make_demos(states), observables=2)
+    np.testing.assert_allclose(kodex.rollout(states[:, 0], 11), states, atol=1e-8)
+    found = kodex.diagnostics()
+    values = found["eigenvalues"] @ [1, 1j]
+    for expected in np.linalg.eigvals(dynamics):
+        assert np.abs(values - expected).min() < 1e-7
+    assert found["one_step_residuals"].max() < 1e-10
+
+
+def test_the_seed_the_validation_and_threads_change_nothing(noisy):
+    koopman = fitted(noisy).koopman
+    other = Kodex(KodexConfig(), LAYOUT)
+    with threadpool_limits(2):
+        other.fit(noisy, noisy[:1], 7)
+    np.testing.assert_array_equal(other.koopman, koopman)
+
+
+def test_what_is_stored_gives_the_same_motions(noisy):
+    kodex = fitted(noisy)
+    start = noisy.states[:4, 0]
+    again = Kodex(KodexConfig(), LAYOUT)
+    again.load(kodex.parameters())
+    np.testing.assert_array_equal(again.rollout(start, 6), kodex.rollout(start, 6))
+    np.testing.assert_array_equal(again.rollout(start, 3), kodex.rollout(start, 6)[:, :4])
+
+
+@pytest.mark.parametrize("ask", ["parameters", "diagnostics", "rollout"])
+def test_before_a_fit_there_is_no_answer(ask):
+    arguments = (np.zeros((1, 5)), 3) if ask == "rollout" else ()
+    with pytest.raises(NotFittedError, match="call fit or load"):
+        getattr(Kodex(KodexConfig(), LAYOUT), ask)(*arguments)
+
+
+def test_directions_below_the_cutoff_are_left_out():
+    rng = generator("cutoff")
+    before = rng.standard_normal((200, 4)) * [1, 1, 1, 1e-7]
+    after = before[:, ::-1]
+    assert np.abs(solve_koopman(before, after, cutoff=1e2)[:, 3]).max() < 1e-6
+    assert solve_koopman(before, after, cutoff=1e-2)[0, 3] == pytest.approx(1, rel=1e-6)
