@@ -5,7 +5,6 @@ task, and serves every method.
 """
 
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -40,10 +39,10 @@ class Controller:
     """A trained C. It computes in float32 on one thread."""
 
     def __init__(self, weights: Parameters) -> None:
-        """Takes ``weight0`` (K, 2 H), ``bias0`` (K,) and so on, as `train_controller` gives."""
+        """Takes ``layer0.weight`` (K, 2 H), ``layer0.bias`` (K,) and so on."""
         depth = len(weights) // 2
         self._layers: _Layers = [
-            (weights[f"weight{i}"].T, weights[f"bias{i}"]) for i in range(depth)
+            (weights[f"layer{i}.weight"].T, weights[f"layer{i}.bias"]) for i in range(depth)
         ]
 
     def act(self, present: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -65,37 +64,25 @@ def train_controller(config: ControllerConfig, demos: Demos, name: str) -> Param
         demos: whose hand motions and actions are learnt.
         name: of the task; the random weights and the order of samples are drawn for it.
     """
-    import torch
-    from torch import nn
-
-    from methods.training import Schedule, minimise, seeded
+    from methods.layers import mlp, mlp_weights
+    from methods.training import Schedule, minimise
 
     robot_dim, action_dim = demos.velocities.shape[-1], demos.actions.shape[-1]
     q = demos.states[:, :, :robot_dim]
     inputs = np.concatenate([q[:, :-1], q[:, 1:]], axis=-1).reshape(-1, 2 * robot_dim)
-    data = tuple(
-        torch.from_numpy(array.astype(np.float32))
-        for array in (inputs, demos.actions.reshape(-1, action_dim))
-    )
     widths = (2 * robot_dim, *(factor * robot_dim for factor in config.hidden), action_dim)
-
-    def build() -> nn.Module:
-        layers = [part for pair in pairwise(widths) for part in (nn.Linear(*pair), nn.ReLU())]
-        return nn.Sequential(*layers[:-1])
-
-    network = seeded(build, "controller", name)
-    schedule = Schedule(config.epochs, config.batch_size, config.learning_rate)
-    minimise(
-        network,
-        lambda x, y: nn.functional.mse_loss(network(x), y),
-        data,
-        schedule,
-        "controller",
-        name,
+    (trained,) = minimise(
+        draw=lambda rng: mlp_weights(rng, "layer", widths),
+        loss=lambda weights, x, u: (
+            (mlp(weights, "layer", x, len(widths) - 1) - u).square().mean(dim=(1, 2))
+        ),
+        data=(inputs, demos.actions.reshape(-1, action_dim)),
+        schedule=Schedule(
+            epochs=config.epochs,
+            batch_size=config.batch_size,
+            learning_rate=config.learning_rate,
+        ),
+        name=f"controller of {name}",
+        seeds=[1],
     )
-    linear = [layer for layer in network.modules() if isinstance(layer, nn.Linear)]
-    return {
-        f"{kind}{i}": getattr(layer, kind).detach().numpy()
-        for kind in ("weight", "bias")
-        for i, layer in enumerate(linear)
-    }
+    return dict(trained.weights)

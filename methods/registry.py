@@ -12,7 +12,7 @@ from methods.base import ActionMethod, Method, MotionMethod
 from tasks.errors import InputError, unknown_name
 
 ENTRY_POINTS = "bench.methods"
-_CLASSES = {"kodex": "Kodex"}
+_CLASSES = {"kodex": "Kodex", "nn": "NN", "lstm": "LSTM", "ndp": "NDP", "ngf": "NGF"}
 
 
 def method_names() -> list[str]:

@@ -1,78 +1,179 @@
-"""The one training loop: Adam on mini-batches, for every network of the suite."""
+"""The one training loop: Adam on mini-batches, for every network of the suite.
 
-from collections.abc import Callable, Iterator
+Networks of several seeds are trained together (see `methods.layers`). Each draws its own weights
+and its own order of samples, and what it becomes does not depend on which others are beside it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from methods.layers import Weights
 from tasks.data import FloatArray, generator
+from tasks.errors import InputError, unknown_name
 
-Loss = Callable[..., Tensor]
+Draw = Callable[[np.random.Generator], dict[str, FloatArray]]
+"""Returns one network's first weights by name."""
+BESIDE = 2
+"""Fewest networks trained side by side: torch multiplies a single one by other operations, which
+round differently, so that a lone network has a copy of itself for company."""
 
 
 class TrainingError(RuntimeError):
     """A training came to nothing, for the reason that the message gives."""
 
 
-@dataclass(frozen=True)
+class Loss(Protocol):
+    """Maps weights (S, ...) and a mini-batch (S, B, ...) to the mean loss of each network, (S,)."""
+
+    def __call__(self, weights: Weights, *batch: Tensor) -> Tensor:
+        """Returns the losses."""
+
+
+FRESH_ADAM = ("never", "epoch", "batch")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """How long and in what steps a network is trained."""
+    """How long and in what steps networks are trained.
+
+    Raises:
+        InputError: a value is out of range.
+    """
 
     epochs: int
     batch_size: int
     learning_rate: float
+    fresh_adam: str = "never"
+    """When Adam is made anew, and forgets what it has seen. The published code does so each
+    ``batch`` (NN, LSTM: every step is then the learning rate in the gradient's sign) or each
+    ``epoch`` (NDP)."""
+
+    def __post_init__(self) -> None:
+        if self.fresh_adam not in FRESH_ADAM:
+            raise unknown_name("time for a fresh Adam", self.fresh_adam, FRESH_ADAM)
+        for name in ("epochs", "batch_size", "learning_rate"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name} must be above 0, got {getattr(self, name)!r}")
 
 
-def seeded(build: Callable[[], nn.Module], *parts: str | int) -> nn.Module:
-    """Returns what build makes, its random weights drawn for what the parts name.
+@dataclass(frozen=True)
+class Trained:
+    """What came of one seed's training."""
 
-    torch initialises from its global stream, which is left as it was.
-    """
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(generator("weights", *parts).integers(2**62)))
-        return build()
+    weights: dict[str, FloatArray]
+    losses: FloatArray
+    """(epochs,) mean loss of each epoch."""
+    validation: FloatArray
+    """(epochs,) validation loss after each epoch; NaN where there is none to choose by."""
 
 
 def minimise(
-    network: nn.Module, loss: Loss, data: tuple[Tensor, ...], schedule: Schedule, *parts: str | int
-) -> FloatArray:
-    """Trains a network in place to the end of its schedule; returns each epoch's mean loss.
+    draw: Draw,
+    loss: Loss,
+    data: Sequence[FloatArray],
+    schedule: Schedule,
+    name: str,
+    seeds: Sequence[int],
+    validate: Callable[[Weights], Tensor] | None = None,
+) -> list[Trained]:
+    """Trains one network for each seed.
 
     Args:
-        network: whose parameters are trained.
-        loss: called with a mini-batch of each tensor of data; returns its mean loss.
-        data: tensors whose first axis counts the samples.
+        draw: gives the first weights.
+        loss: what is minimised, in float32.
+        data: arrays whose first axis counts the samples.
         schedule: epochs, batch size and learning rate.
-        parts: name what is trained: the order of the samples is drawn for them.
+        name: of what is trained: weights and orders of samples are drawn for it and the seed.
+        seeds: one for each network.
+        validate: gives losses (S,); the weights after the epoch where they are lowest are kept,
+            those of the last epoch without it.
 
     Raises:
-        TrainingError: the loss is no longer finite.
+        TrainingError: some seed's loss was never finite.
     """
-    shuffle = generator("shuffle", *parts)
-    optimiser = torch.optim.Adam(network.parameters(), schedule.learning_rate, fused=True)
-    history = np.empty(schedule.epochs)
-    with _one_thread():
-        for epoch in range(schedule.epochs):
-            order = torch.from_numpy(shuffle.permutation(len(data[0])))
-            batches = zip(*(part[order].split(schedule.batch_size) for part in data), strict=True)
-            total = torch.zeros(())
-            for batch in batches:
+    beside = list(seeds) if len(seeds) >= BESIDE else [*seeds, *seeds]
+    drawn = [draw(generator("weights", name, seed)) for seed in beside]
+    weights = {
+        key: torch.from_numpy(np.stack([one[key] for one in drawn]).astype(np.float32))
+        for key in drawn[0]
+    }
+    for weight in weights.values():
+        weight.requires_grad_()
+    samples = [torch.from_numpy(array.astype(np.float32)) for array in data]
+    orders = [generator("order", name, seed) for seed in beside]
+
+    def fresh_adam() -> torch.optim.Adam:
+        return torch.optim.Adam(weights.values(), schedule.learning_rate, fused=True)
+
+    optimiser = fresh_adam()
+    best = _Best(weights)
+    with one_thread():
+        for _ in range(schedule.epochs):
+            order = torch.from_numpy(np.stack([rng.permutation(len(samples[0])) for rng in orders]))
+            total = torch.zeros(len(beside))
+            optimiser = fresh_adam() if schedule.fresh_adam == "epoch" else optimiser
+            for rows in order.split(schedule.batch_size, dim=1):
+                optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser
                 optimiser.zero_grad()
-                value = loss(*batch)
-                value.backward()
+                losses = loss(weights, *(part[rows] for part in samples))
+                losses.sum().backward()
                 optimiser.step()
-                total += value.detach() * len(batch[0])
-            history[epoch] = total.item() / len(order)
-            if not np.isfinite(history[epoch]):
-                raise TrainingError(f"the loss of epoch {epoch + 1} is {history[epoch]}")
-    return history
+                total += losses.detach() * rows.shape[1]
+            with torch.no_grad():
+                best.note(total / order.shape[1], validate(weights) if validate else None)
+    return best.chosen(seeds)
+
+
+class _Best:
+    """The best weights of each network so far."""
+
+    def __init__(self, weights: Weights) -> None:
+        self._weights = weights
+        self._kept = {key: weight.detach().clone() for key, weight in weights.items()}
+        self._lowest = torch.full_like(next(iter(self._kept.values())).flatten(1)[:, 0], torch.inf)
+        self._losses: list[Tensor] = []
+        self._validation: list[Tensor] = []
+
+    def note(self, losses: Tensor, validation: Tensor | None) -> None:
+        """Keeps the present weights of each network that has improved."""
+        if validation is None:
+            better = losses.isfinite()
+            validation = torch.full_like(losses, torch.nan)
+            self._lowest[better] = 0.0
+        else:
+            better = validation < self._lowest
+            self._lowest[better] = validation[better]
+        for key, weight in self._weights.items():
+            self._kept[key][better] = weight.detach()[better]
+        self._losses.append(losses)
+        self._validation.append(validation)
+
+    def chosen(self, seeds: Sequence[int]) -> list[Trained]:
+        """Returns what is kept for each seed."""
+        bad = [seed for i, seed in enumerate(seeds) if not self._lowest[i].isfinite()]
+        if bad:
+            raise TrainingError(f"the loss of seed {bad[0]} was never finite")
+        losses, validation = (
+            torch.stack(rows, dim=1).double().numpy() for rows in (self._losses, self._validation)
+        )
+        return [
+            Trained(
+                {key: array[i].numpy().copy() for key, array in self._kept.items()},
+                losses[i],
+                validation[i],
+            )
+            for i in range(len(seeds))
+        ]
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Small batches gain nothing from threads, and one gives the same bits on any machine load."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

@@ -1,7 +1,7 @@
 import hashlib
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from hypothesis import settings
 from safetensors.numpy import save
 
 from bench.cli import main
+from bench.presets import PRESETS
 from tasks import demos, experts
 from tasks.data import FloatArray, generator
 from tasks.registry import TASKS, get_task
@@ -74,6 +75,13 @@ def shipped(task, tmp_path, monkeypatch):
     monkeypatch.setattr(type(task), "horizon", 6)
     monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
     return ship(task, tmp_path / "experts")
+
+
+@pytest.fixture
+def smoke(shipped, monkeypatch):
+    """The preset for KODex, with as few demonstrations as a shipped random expert has."""
+    monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6, methods=("kodex",)))
+    monkeypatch.setattr("bench.run.TRAINING", 6)
 
 
 def ship(task, folder):

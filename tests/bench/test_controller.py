@@ -20,14 +20,14 @@ def test_layers_are_those_of_table_6(demos):
     shapes = {name: array.shape for name, array in train_controller(CONFIG, demos, "toy").items()}
     # H = 3, A = 2: 2 H, 4 H, 4 H, 2 H, A.
     assert shapes == {
-        "weight0": (12, 6),
-        "weight1": (12, 12),
-        "weight2": (6, 12),
-        "weight3": (2, 6),
-        "bias0": (12,),
-        "bias1": (12,),
-        "bias2": (6,),
-        "bias3": (2,),
+        "layer0.weight": (12, 6),
+        "layer1.weight": (12, 12),
+        "layer2.weight": (6, 12),
+        "layer3.weight": (2, 6),
+        "layer0.bias": (12,),
+        "layer1.bias": (12,),
+        "layer2.bias": (6,),
+        "layer3.bias": (2,),
     }
 
 
@@ -37,7 +37,7 @@ def test_actions_are_those_of_the_same_network_in_torch(demos):
     x = torch.tensor(np.concatenate([present, wanted], axis=1), dtype=torch.float32)
     for i in range(4):
         x = torch.nn.functional.linear(
-            x, torch.tensor(weights[f"weight{i}"]), torch.tensor(weights[f"bias{i}"])
+            x, torch.tensor(weights[f"layer{i}.weight"]), torch.tensor(weights[f"layer{i}.bias"])
         )
         x = torch.relu(x) if i < 3 else x
     np.testing.assert_allclose(Controller(weights).act(present, wanted), x.numpy(), atol=1e-6)

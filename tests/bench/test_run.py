@@ -13,17 +13,10 @@ from dataclasses import replace
 import pytest
 
 from bench.experiments import cells_of
-from bench.presets import PRESETS, get_preset
+from bench.presets import get_preset
 from bench.run import run
 from bench.store import Store
 from tasks.errors import InputError
-
-
-@pytest.fixture
-def door(request, monkeypatch):
-    monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6))
-    monkeypatch.setattr("bench.run.TRAINING", 6)
-    request.getfixturevalue("shipped")
 
 
 def files_of(folder):
@@ -40,7 +33,7 @@ def files_of(folder):
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestInProcess:
     def test_a_run_stores_what_it_says_and_the_next_finds_nothing_missing(
-        self, task, door, bench, tmp_path
+        self, task, smoke, bench, tmp_path
     ):
         out = tmp_path / "results"
         code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
@@ -57,7 +50,7 @@ class TestInProcess:
         assert (code, said) == (0, f"0 jobs done, 3 cells complete in {out}\n")
         assert files_of(out) == before
 
-    def test_more_episodes_extend_what_is_there(self, task, door, tmp_path, monkeypatch):
+    def test_more_episodes_extend_what_is_there(self, task, smoke, tmp_path, monkeypatch):
         monkeypatch.setattr(type(task), "success", lambda self, r: (1e6 * r[:, -1]) % 2 < 1)
         study = replace(get_preset("smoke"), episodes={"success": 503})
         run(study, tmp_path / "grown", jobs=1)
@@ -66,7 +59,7 @@ class TestInProcess:
         run(larger, tmp_path / "at once", jobs=1)
         assert files_of(tmp_path / "grown") == files_of(tmp_path / "at once")
 
-    def test_what_is_damaged_is_computed_again(self, task, door, tmp_path, capsys):
+    def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys):
         study = get_preset("smoke")
         run(study, tmp_path, jobs=1)
         before = files_of(tmp_path)
@@ -77,7 +70,7 @@ class TestInProcess:
         assert files_of(tmp_path) == before
         assert "set aside" in capsys.readouterr().err
 
-    def test_other_settings_are_other_cells(self, task, door, bench, tmp_path):
+    def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
         out = ("--out", str(tmp_path), "--jobs", "1")
         bench("run", "smoke", *out)
         assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith("3 jobs")
@@ -85,7 +78,7 @@ class TestInProcess:
         assert config == {"observables": 1, "cutoff": 1.0}
 
     def test_the_report_has_table_1_with_interval_n_and_the_published_value(
-        self, task, door, bench, tmp_path
+        self, task, smoke, bench, tmp_path
     ):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         code, said, _ = bench("report", str(tmp_path))
@@ -100,7 +93,7 @@ class TestInProcess:
         for ending in ("png", "pdf", "svg"):
             assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
 
-    def test_a_report_of_the_same_results_has_the_same_bytes(self, task, door, bench, tmp_path):
+    def test_a_report_of_the_same_results_has_the_same_bytes(self, task, smoke, bench, tmp_path):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         bench("report", str(tmp_path))
         before = files_of(tmp_path)
@@ -126,7 +119,7 @@ class TestInProcess:
             (("smoke", "--set", "kodex.observables=9"), "choose from [1, 2, 3, 4]"),
         ],
     )
-    def test_what_does_not_exist_is_refused(self, task, door, bench, tmp_path, options, answer):
+    def test_what_does_not_exist_is_refused(self, task, smoke, bench, tmp_path, options, answer):
         out = tmp_path / "results"
         code, said, error = bench("run", *options, "--out", str(out))
         assert (code, said) == (2, "")
@@ -137,7 +130,7 @@ class TestInProcess:
 def start(*arguments, **environment):
     command = [sys.executable, "-c", "from bench.cli import main; main()", "run", "smoke"]
     return subprocess.Popen(
-        [*command, "--tasks", "relocation", *arguments],
+        [*command, "--tasks", "relocation", "--methods", "kodex,nn,ndp", *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,

@@ -1,0 +1,87 @@
+"""A DMP layer: dynamic movement primitives as a differentiable function of their parameters.
+
+Each dimension follows its own primitive (as in neural dynamic policies, appendix E):
+
+    s'  = -a_x s                                  canonical system, s = 1 at the start
+    f   = s (g - y1) sum_i w_i psi_i(s) / sum_i psi_i(s)        forcing term
+    y'' = alpha (beta (g - y) - y') + f
+
+integrated by Euler's explicit steps from y = y1, y' = v1. The motion is linear in y1, v1, g and in
+the products w_i (g - y1), so that N_b + 3 basis motions, integrated once, replace the loop over
+time in every forward and backward pass.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tasks.data import FloatArray
+
+
+@dataclass(frozen=True)
+class DMPConfig:
+    """Constants of the primitives; those of neural dynamic policies unless told."""
+
+    basis_functions: int
+    """N_b, radial basis functions of the forcing term."""
+    steps: int
+    """T - 1, steps of integration."""
+    dt: float
+    """Length of a step, in units in which the motion lasts about 1."""
+    a_x: float = 1.0
+    alpha: float = 25.0
+    beta: float = 6.25
+    """alpha / 4: critically damped."""
+    start_velocity: float = 0.01
+    """v1, in every dimension."""
+
+
+def dmp(config: DMPConfig, start: Tensor, goal: Tensor, weights: Tensor) -> Tensor:
+    """Returns the motions after their starts, (..., T-1, K).
+
+    Args:
+        config: the constants.
+        start: y1, (..., K).
+        goal: g, (..., K).
+        weights: w, (..., K, N_b).
+    """
+    of_start, of_goal, of_velocity, of_weights = (
+        torch.from_numpy(basis).to(start) for basis in basis_motions(config)
+    )
+    forcing = (goal - start)[..., None] * weights
+    return (
+        start[..., None, :] * of_start[:, None]
+        + goal[..., None, :] * of_goal[:, None]
+        + config.start_velocity * of_velocity[:, None]
+        + (forcing @ of_weights.T).transpose(-1, -2)
+    )
+
+
+@cache
+def basis_motions(config: DMPConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Returns how start, goal, start velocity (T-1,) and each weight (T-1, N_b) enter a motion."""
+    count = config.basis_functions
+    activations = forcing_activations(config)
+    # Columns: a motion for the start, the goal, the velocity, and each basis function alone.
+    y, v, g = (np.zeros(3 + count) for _ in range(3))
+    y[0], g[1], v[2] = 1.0, 1.0, 1.0
+    motions = np.empty((config.steps, 3 + count))
+    for t, activation in enumerate(activations):
+        forcing = np.concatenate([np.zeros(3), activation])
+        acceleration = config.alpha * (config.beta * (g - y) - v) + forcing
+        y, v = y + v * config.dt, v + acceleration * config.dt
+        motions[t] = y
+    return motions[:, 0], motions[:, 1], motions[:, 2], motions[:, 3:]
+
+
+def forcing_activations(config: DMPConfig) -> FloatArray:
+    """Returns s psi_i(s) / sum psi(s) at each step, (T-1, N_b)."""
+    count = config.basis_functions
+    centres = np.exp(-np.arange(count) / (count - 1))
+    widths = count**1.5 / centres
+    phase = (1 - config.a_x * config.dt) ** np.arange(1, config.steps + 1)
+    psi = np.exp(-widths * (phase[:, None] - centres) ** 2)
+    return phase[:, None] * psi / psi.sum(axis=1, keepdims=True)

@@ -1,0 +1,83 @@
+"""NDP: a network that gives the parameters of a DMP layer, and so a whole motion (appendix E)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from torch import Tensor
+
+from methods.dmp import DMPConfig, dmp
+from methods.layers import Weights, mlp, mlp_weights
+from methods.network import NetworkConfig, NetworkMethod
+from tasks.data import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class NDPConfig(NetworkConfig):
+    """Table 4 gives layers and basis functions; the rest is chosen on validation data."""
+
+    hidden: tuple[int, ...]
+    basis_functions: int
+    whole_state: bool = False
+    """Whether the object's state follows primitives too."""
+    goal_gain: float = 1.0
+    """What the network's goals are multiplied by."""
+    weight_gain: float = 1000.0
+    """What the network's weights of basis functions are multiplied by: the forcing term is an
+    acceleration, so that they are large where goals are of order 1."""
+    dt: float | None = None
+    """Length of a step; unless told 1 / (T-1), so that the phase spans the motion."""
+    epochs: int = 600
+    batch_size: int = 16
+    learning_rate: float = 1e-3
+
+
+class NDP(NetworkMethod):
+    """From x(1), a goal and N_b weights for each joint of the hand."""
+
+    name = "ndp"
+    summary = "dynamic movement primitives whose parameters a network gives"
+    sizes: ClassVar[Mapping[str, NDPConfig]] = {
+        "small": NDPConfig(hidden=(32, 64, 32), basis_functions=10),
+        "median": NDPConfig(hidden=(64, 128, 64), basis_functions=20),
+        "large": NDPConfig(hidden=(128, 256, 128), basis_functions=30),
+    }
+    default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("tool", "door", "relocation", "reorientation"), "large"
+    )
+
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "described": {},
+        "published": {
+            "whole_state": True,
+            "goal_gain": 1000.0,
+            "weight_gain": 1000.0,
+            "dt": 0.01,
+            "standardise": False,
+            "fresh_adam": "epoch",
+            "epochs": 200,
+            "batch_size": 4,
+        },
+    }
+
+    @property
+    def driven(self) -> int:
+        """How many of the state's numbers follow primitives: H, or all D."""
+        return self.layout.state_dim if self.config.whole_state else self.layout.robot_dim
+
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns the layers from D to a goal and N_b weights for each number that is driven."""
+        outputs = self.driven * (1 + self.config.basis_functions)
+        return mlp_weights(rng, "layer", (self.layout.state_dim, *self.config.hidden, outputs))
+
+    def unroll(
+        self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
+    ) -> Tensor:
+        """Returns the motion of the DMP layer."""
+        config, driven = self.config, self.driven
+        out = mlp(weights, "layer", start, len(config.hidden) + 1)
+        goal, of_basis = out.split([driven, driven * config.basis_functions], dim=-1)
+        of_basis = config.weight_gain * of_basis.unflatten(-1, (driven, config.basis_functions))
+        layer = DMPConfig(config.basis_functions, steps, config.dt or 1 / steps)
+        return dmp(layer, start[..., :driven], config.goal_gain * goal, of_basis)

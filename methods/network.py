@@ -1,0 +1,144 @@
+"""What the networks share: they predict a motion from its start, and are trained to reproduce it.
+
+All see standardised states. A network is trained on windows of the demonstrations: it predicts each
+window from its first state alone, and the mean squared error of the whole window is minimised, the
+"trajectory reproduction error" of appendix E. The weights are kept where the motions of the
+validation demonstrations, predicted from their starts, are reproduced best.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from methods.base import MotionMethod, NotFittedError, Parameters
+from methods.layers import Weights
+from methods.training import Schedule, Trained, minimise, one_thread
+from tasks.data import Demos, FloatArray, Layout
+
+SCALE_FLOOR = 1e-2
+"""Least standard deviation that a state is divided by: what hardly moves must not become noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig(Schedule):
+    """What can be chosen about the training of any network."""
+
+    standardise: bool = True
+    """Whether states are brought to mean 0 and standard deviation 1."""
+    teacher_forced: bool = False
+    """Whether each state is predicted from the demonstrated one before it, in training and when
+    weights are chosen, instead of from the network's own prediction."""
+
+
+class NetworkMethod(MotionMethod):
+    """A motion method that is a network, with a `NetworkConfig`."""
+
+    def __init__(self, config: Any, layout: Layout) -> None:
+        super().__init__(config, layout)
+        self._arrays: Parameters | None = None
+        self._trained: Trained | None = None
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns the first weights of one network."""
+
+    @abstractmethod
+    def unroll(
+        self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
+    ) -> Tensor:
+        """Returns (S, B, steps, K) after starts (S, B, D), all standardised.
+
+        K is D, or H of a network that predicts the hand alone. A network that goes from state to
+        state goes from those of truth (S, B, T, D), where it is given.
+        """
+
+    def window(self, horizon: int) -> int:
+        """How many states a network predicts in training; the whole motion unless overridden."""
+        return horizon - 1
+
+    def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
+        """Trains one network."""
+        (fitted,) = self.fit_seeds(self.config, self.layout, demos, validation, [seed])
+        self._arrays, self._trained = fitted._arrays, fitted._trained
+
+    @classmethod
+    def fit_seeds(
+        cls, config: Any, layout: Layout, demos: Demos, validation: Demos, seeds: Sequence[int]
+    ) -> list[Self]:
+        """Trains the networks of all seeds together."""
+        methods = [cls(config, layout) for _ in seeds]
+        one = methods[0]
+        mean, scale = np.zeros(layout.state_dim), np.ones(layout.state_dim)
+        if config.standardise:
+            mean = demos.states.mean(axis=(0, 1))
+            scale = np.maximum(demos.states.std(axis=(0, 1)), SCALE_FLOOR)
+        unseen = torch.from_numpy(((validation.states - mean) / scale).astype(np.float32))
+        trained = minimise(
+            draw=one.draw,
+            loss=one._error,
+            data=[windows((demos.states - mean) / scale, one.window(demos.states.shape[1]))],
+            schedule=config,
+            name=cls.name,
+            seeds=seeds,
+            validate=lambda weights: one._error(weights, _for_each(weights, unseen)),
+        )
+        for method, result in zip(methods, trained, strict=True):
+            method._arrays = result.weights | {"state_mean": mean, "state_scale": scale}
+            method._trained = result
+        return methods
+
+    def parameters(self) -> Parameters:
+        """Returns weights and the scaling of states."""
+        if self._arrays is None:
+            raise NotFittedError(f"this {self.name} has no weights yet: call fit or load")
+        return self._arrays
+
+    def load(self, parameters: Parameters) -> None:
+        """Takes weights and the scaling of states."""
+        self._arrays, self._trained = dict(parameters), None
+
+    def rollout(self, start: FloatArray, steps: int) -> FloatArray:
+        """Returns the motion from each start, (B, steps + 1, K)."""
+        arrays = self.parameters()
+        mean, scale = arrays["state_mean"], arrays["state_scale"]
+        weights = {
+            name: torch.from_numpy(array)[None]
+            for name, array in arrays.items()
+            if not name.startswith("state_")
+        }
+        x = torch.from_numpy(((start - mean) / scale).astype(np.float32))
+        with one_thread(), torch.no_grad():
+            predicted = self.unroll(weights, x[None], steps)[0].double().numpy()
+        width = predicted.shape[-1]
+        motion = predicted * scale[:width] + mean[:width]
+        return np.concatenate([start[:, None, :width], motion], axis=1)
+
+    def diagnostics(self) -> Parameters:
+        """Returns after a fit the ``losses`` and ``validation_losses`` of each epoch."""
+        if self._trained is None:
+            return {}
+        return {"losses": self._trained.losses, "validation_losses": self._trained.validation}
+
+    def _error(self, weights: Weights, motion: Tensor) -> Tensor:
+        """Mean squared error of each network on motions (S, B, T, D), (S,)."""
+        truth = motion if self.config.teacher_forced else None
+        predicted = self.unroll(weights, motion[:, :, 0], motion.shape[2] - 1, truth)
+        wanted = motion[:, :, 1:, : predicted.shape[-1]]
+        return (predicted - wanted).square().mean(dim=(1, 2, 3))
+
+
+def windows(states: FloatArray, steps: int) -> FloatArray:
+    """Returns all stretches of steps + 1 states (..., steps + 1, D) of motions (B, T, D)."""
+    views = np.lib.stride_tricks.sliding_window_view(states, steps + 1, axis=1)
+    return np.moveaxis(views, -1, 2).reshape(-1, steps + 1, states.shape[-1])
+
+
+def _for_each(weights: Weights, x: Tensor) -> Tensor:
+    """The same samples for each of the S networks."""
+    networks = len(next(iter(weights.values())))
+    return x.expand(networks, *x.shape)

@@ -1,0 +1,126 @@
+"""NGF: a neural geometric fabric, a second-order policy in configuration space (appendix E).
+
+With q the joints, v their velocity and c = x(1) the context, all standardised, a motion obeys
+
+    v' = p_e W pi + (1 - W) pi_f - b v,        q' = v,        v(1) = 0,
+
+    geometry     pi   = |v|^2 a(q, c)          homogeneous of degree 2 in v
+    potential    pi_f = -grad_q Psi(q, c),     Psi = 1/2 |k q + u(q, c)|^2
+    energising   p_e  = I - v v^T / |v|^2
+    metrics      W    = M / (M + M_f),         M(q, c), M_f(q, c) diagonal and positive
+    damping      b(q, v, c) >= 0
+
+The metrics weigh geometry and potential against each other, joint by joint. p_e stands in front of
+all that the geometry contributes, so that the fabric alone (pi_f = 0, b = 0) conserves the kinetic
+energy 1/2 |v|^2 while it bends the path; since 1 - W > 0, a motion can rest only where the gradient
+of Psi vanishes. [M, a], M_f, u and b are networks of the listed size with tanh layers; time runs
+from 0 to 1 over the motion, in semi-implicit Euler steps.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import softplus
+
+from methods.layers import Weights, linear, linear_weights
+from methods.network import NetworkConfig, NetworkMethod
+from tasks.data import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class NGFConfig(NetworkConfig):
+    """Table 5 gives the layers; the rest is chosen on validation data."""
+
+    hidden: tuple[int, int]
+    stiffness: float = 10.0
+    """k at the beginning of training."""
+    epochs: int = 300
+    batch_size: int = 16
+    learning_rate: float = 1e-3
+
+
+class NGF(NetworkMethod):
+    """The fabric, integrated from rest at x(1)."""
+
+    name = "ngf"
+    summary = "geometric fabric: energised geometry, potential and damping"
+    sizes: ClassVar[Mapping[str, NGFConfig]] = {
+        "small": NGFConfig(hidden=(64, 32)),
+        "median": NGFConfig(hidden=(128, 64)),
+        "large": NGFConfig(hidden=(256, 128)),
+    }
+    default_size: ClassVar[Mapping[str, str]] = {
+        "tool": "median",
+        "door": "large",
+        "relocation": "large",
+        "reorientation": "large",
+    }
+
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns the four networks and the stiffness."""
+        joints = self.layout.robot_dim
+        arrays = {"stiffness": np.full(joints, self.config.stiffness)}
+        for name, moving, outputs in (
+            ("geometry", joints, 2 * joints),
+            ("metric", joints, joints),
+            ("potential", joints, joints),
+            ("damping", 2 * joints, 1),
+        ):
+            first, second = self.config.hidden
+            arrays |= linear_weights(rng, f"{name}_context", self.layout.state_dim, first)
+            arrays |= linear_weights(rng, f"{name}0", moving, first)
+            arrays |= linear_weights(rng, f"{name}1", first, second)
+            arrays |= linear_weights(rng, f"{name}2", second, outputs)
+        return arrays
+
+    def unroll(
+        self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
+    ) -> Tensor:
+        """Returns the joints after each step."""
+        dt = 1 / steps
+        names = ("geometry", "metric", "potential", "damping")
+        context = {name: linear(weights, f"{name}_context", start) for name in names}
+        q = start[..., : self.layout.robot_dim]
+        v = torch.zeros_like(q)
+        motion = []
+        for _ in range(steps):
+            v = v + dt * acceleration(weights, context, q, v)
+            q = q + dt * v
+            motion.append(q)
+        return torch.stack(motion, dim=2)
+
+
+def acceleration(weights: Weights, context: Mapping[str, Tensor], q: Tensor, v: Tensor) -> Tensor:
+    """Returns v' (S, B, H); context holds what c adds to each network's first layer."""
+    bend, weight = _network(weights, "geometry", context, q).chunk(2, dim=-1)
+    share = torch.sigmoid(weight - _network(weights, "metric", context, q))
+    geometry = energised(share * bend * v.square().sum(dim=-1, keepdim=True), v)
+    pull = -potential_gradient(weights, context["potential"], q)
+    damping = softplus(_network(weights, "damping", context, torch.cat([q, v], dim=-1)))
+    return geometry + (1 - share) * pull - damping * v
+
+
+def energised(force: Tensor, v: Tensor) -> Tensor:
+    """Returns p_e force: without what acts along the motion, and so without work."""
+    along = (force * v).sum(dim=-1, keepdim=True)
+    return force - v * along / (v.square().sum(dim=-1, keepdim=True) + 1e-12)
+
+
+def potential_gradient(weights: Weights, context: Tensor, q: Tensor) -> Tensor:
+    """Returns grad_q Psi (S, B, H), written out so that it costs as much as Psi."""
+    first = torch.tanh(linear(weights, "potential0", q) + context)
+    second = torch.tanh(linear(weights, "potential1", first))
+    stiffness = weights["stiffness"][:, None]
+    residual = stiffness * q + linear(weights, "potential2", second)
+    back = torch.bmm(residual, weights["potential2.weight"]) * (1 - second.square())
+    back = torch.bmm(back, weights["potential1.weight"]) * (1 - first.square())
+    return stiffness * residual + torch.bmm(back, weights["potential0.weight"])
+
+
+def _network(weights: Weights, name: str, context: Mapping[str, Tensor], x: Tensor) -> Tensor:
+    first = torch.tanh(linear(weights, f"{name}0", x) + context[name])
+    return linear(weights, f"{name}2", torch.tanh(linear(weights, f"{name}1", first)))

@@ -1,0 +1,79 @@
+"""NN: a multilayer perceptron that maps each state to the next (appendix E)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from methods.layers import Weights, mlp, mlp_weights
+from methods.network import NetworkConfig, NetworkMethod
+from tasks.data import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class NNConfig(NetworkConfig):
+    """Table 2 gives the layers; the rest is chosen on validation data."""
+
+    hidden: tuple[int, ...]
+    residual: bool = True
+    """Whether the network gives the change of the state, rather than the state."""
+    window: int = 10
+    """States predicted one after another in training."""
+    epochs: int = 100
+    batch_size: int = 128
+    learning_rate: float = 1e-3
+
+
+class NN(NetworkMethod):
+    """x(t+1) = x(t) + MLP(x(t)); without the first term as published."""
+
+    name = "nn"
+    summary = "multilayer perceptron, one state after another"
+    sizes: ClassVar[Mapping[str, NNConfig]] = {
+        "small": NNConfig(hidden=(32, 64, 32)),
+        "median": NNConfig(hidden=(64, 128, 64)),
+        "large": NNConfig(hidden=(128, 256, 128)),
+    }
+    default_size: ClassVar[Mapping[str, str]] = {
+        "tool": "small",
+        "door": "median",
+        "relocation": "median",
+        "reorientation": "median",
+    }
+
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "described": {},
+        "published": {
+            "residual": False,
+            "window": 1,
+            "standardise": False,
+            "teacher_forced": True,
+            "fresh_adam": "batch",
+            "epochs": 200,
+            "batch_size": 8,
+        },
+    }
+
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns the layers from D to D."""
+        dim = self.layout.state_dim
+        return mlp_weights(rng, "layer", (dim, *self.config.hidden, dim))
+
+    def unroll(
+        self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
+    ) -> Tensor:
+        """Returns the states that follow, each from the one before."""
+        x, states = start, []
+        for t in range(steps):
+            x = x if truth is None else truth[:, :, t]
+            change = mlp(weights, "layer", x, len(self.config.hidden) + 1)
+            x = x + change if self.config.residual else change
+            states.append(x)
+        return torch.stack(states, dim=2)
+
+    def window(self, horizon: int) -> int:
+        """As the config says, within the motion."""
+        return min(self.config.window, horizon - 1)

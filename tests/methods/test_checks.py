@@ -1,0 +1,181 @@
+"""`methods.checks` passes the suite's methods, and names the rule that a broken one breaks."""
+
+import random
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from methods.base import ActionMethod, MotionMethod, NotFittedError
+from methods.checks import RULES, check
+from methods.kodex import Kodex
+from methods.registry import get_method
+
+SUITE = ("kodex", "nn", "lstm", "ndp", "ngf")
+
+
+@pytest.mark.parametrize("name", SUITE)
+@pytest.mark.parametrize("rule", RULES)
+def test_the_methods_of_the_suite_keep_every_rule(name, rule):
+    RULES[rule](get_method(name))
+
+
+@dataclass(frozen=True)
+class Config:
+    gain: float = 1.0
+
+
+class Steering(ActionMethod):
+    """A sound action method: ridge regression from states to actions."""
+
+    name = "steering"
+    summary = "linear feedback"
+    sizes = {"single": Config()}  # noqa: RUF012
+    default_size = {}  # noqa: RUF012
+    _gain = None
+
+    def fit(self, demos, validation, seed):
+        x = demos.states[:, :-1].reshape(-1, demos.states.shape[-1])
+        u = demos.actions.reshape(len(x), -1)
+        self._gain = np.linalg.solve(x.T @ x + 1e-3 * np.eye(x.shape[1]), x.T @ u)
+
+    def parameters(self):
+        if self._gain is None:
+            raise NotFittedError("call fit or load")
+        return {"gain": self._gain}
+
+    def load(self, parameters):
+        self._gain = parameters["gain"]
+
+    def reset(self, starts):
+        pass
+
+    def act(self, state, t):
+        # Row by row, so that no sum depends on the number of rows.
+        return np.einsum("bd,da->ba", state, self.parameters()["gain"])
+
+
+def test_an_action_method_can_keep_every_rule():
+    assert [verdict for verdict in check(Steering) if not verdict.passed] == []
+
+
+class Motions(Kodex):
+    """KODex whose answers can be spoilt."""
+
+    def spoil(self, motion):
+        return motion
+
+    def rollout(self, start, steps):
+        return self.spoil(super().rollout(start, steps))
+
+
+class WrongShape(Motions):
+    def spoil(self, motion):
+        return motion[:, 1:]
+
+
+class SinglePrecisionList(Motions):
+    def spoil(self, motion):
+        return motion.tolist()
+
+
+class NotANumber(Motions):
+    def spoil(self, motion):
+        motion[:, -1, 0] = np.nan
+        return motion
+
+
+class MovedStart(Motions):
+    def spoil(self, motion):
+        return motion + 1e-6
+
+
+class BatchDependent(Motions):
+    def spoil(self, motion):
+        motion[:, 1:] += motion[:, 1:].mean(axis=0) / len(motion)
+        return motion
+
+
+class Still(Motions):
+    def spoil(self, motion):
+        return np.repeat(motion[:, :1], motion.shape[1], axis=1)
+
+
+class Nondeterministic(Kodex):
+    def fit(self, demos, validation, seed):
+        super().fit(demos, validation, seed)
+        self._koopman += 1e-9 * np.random.default_rng().standard_normal(self._koopman.shape)
+
+
+class GlobalStream(Kodex):
+    def fit(self, demos, validation, seed):
+        super().fit(demos, validation, seed)
+        self._koopman += 1e-9 * torch.randn(1).item()
+
+
+class SeedsGlobally(Kodex):
+    def fit(self, demos, validation, seed):
+        random.seed(seed)
+        super().fit(demos, validation, seed)
+
+
+class WritesToItsInput(Kodex):
+    def fit(self, demos, validation, seed):
+        demos.states[:] /= 2
+        super().fit(demos, validation, seed)
+
+
+class ForgetsOnSave(Kodex):
+    def parameters(self):
+        return {"koopman": np.round(self.koopman, 3)}
+
+
+class AnswersUnfitted(MotionMethod):
+    name, summary, sizes, default_size = "hold", "holds still", {"single": Config()}, {}
+
+    def fit(self, demos, validation, seed):
+        pass
+
+    def parameters(self):
+        return {"nothing": np.zeros(1)}
+
+    def load(self, parameters):
+        pass
+
+    def rollout(self, start, steps):
+        return np.repeat(start[:, None], steps + 1, axis=1)
+
+
+class ShrinkingSizes(Kodex):
+    sizes = {"small": Kodex.sizes["single"], "large": Kodex.sizes["single"]}  # noqa: RUF012
+
+
+class Raises(Kodex):
+    def rollout(self, start, steps):
+        raise ZeroDivisionError("no motion today")
+
+
+@pytest.mark.parametrize(
+    ("method", "rule", "message"),
+    [
+        (WrongShape, "shapes", "allowed are"),
+        (SinglePrecisionList, "dtype", "the answer is a list"),
+        (NotANumber, "finite", "not finite"),
+        (MovedStart, "begins_at_the_start", "away from its start"),
+        (BatchDependent, "batch_invariance", "alone and together"),
+        (Still, "beats_holding_still", "holding still has"),
+        (Nondeterministic, "same_seed_same_answer", "answer differently"),
+        (GlobalStream, "global_streams_untouched", "global random stream of torch"),
+        (GlobalStream, "global_streams_unused", "depend on a global random stream"),
+        (SeedsGlobally, "global_streams_untouched", "global random stream of random"),
+        (WritesToItsInput, "inputs_untouched", "wrote to an array"),
+        (ForgetsOnSave, "survives_storage", "once stored and loaded"),
+        (AnswersUnfitted, "unfitted_raises", "was not fitted"),
+        (ShrinkingSizes, "sizes_grow", "do not grow"),
+        (Raises, "finite", "no motion today"),
+    ],
+)
+def test_a_broken_method_breaks_the_right_rule(method, rule, message):
+    broken = {verdict.rule: verdict.message for verdict in check(method) if not verdict.passed}
+    assert message in broken[rule]
