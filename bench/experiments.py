@@ -102,7 +102,7 @@ def _fits(
     seeds = study.seeds[:1] if method.deterministic else study.seeds
     for variant in study.variants:
         if variant in method.variants:
-            config = asdict(_config(study, method, size, variant))
+            config = asdict(_config(study, get_method(name, variant), size, variant))
             for seed in seeds:
                 seed = 0 if method.deterministic else seed
                 yield Fit(task, name, variant, size, config, study.demos, seed, recipes[task])

@@ -46,7 +46,7 @@ class Fit:
     @cached_property
     def key(self) -> str:
         """Names the fit; its size has no part in it, the config that it stands for has."""
-        version = 0 if self.method == EXPERT else get_method(self.method).version
+        version = 0 if self.method == EXPERT else get_method(self.method, self.variant).version
         values = {name: value for name, value in asdict(self).items() if name != "size"}
         return key("fit", version, values)
 
@@ -64,7 +64,7 @@ class Fit:
         Raises:
             InputError: the method refuses the config.
         """
-        method = get_method(self.method)
+        method = get_method(self.method, self.variant)
         config = type(next(iter(method.sizes.values())))
         # JSON has no tuples.
         values = {n: tuple(v) if isinstance(v, list) else v for n, v in self.config.items()}

@@ -61,6 +61,13 @@ class NetworkMethod(MotionMethod):
         """How many states a network predicts in training; the whole motion unless overridden."""
         return horizon - 1
 
+    def error(self, weights: Weights, motion: Tensor) -> Tensor:
+        """Returns the mean squared error of each network on motions (S, B, T, D), (S,)."""
+        truth = motion if self.config.teacher_forced else None
+        predicted = self.unroll(weights, motion[:, :, 0], motion.shape[2] - 1, truth)
+        wanted = motion[:, :, 1:, : predicted.shape[-1]]
+        return (predicted - wanted).square().mean(dim=(1, 2, 3))
+
     def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
         """Trains one network."""
         (fitted,) = self.fit_seeds(self.config, self.layout, demos, validation, [seed])
@@ -80,12 +87,12 @@ class NetworkMethod(MotionMethod):
         unseen = torch.from_numpy(((validation.states - mean) / scale).astype(np.float32))
         trained = minimise(
             draw=one.draw,
-            loss=one._error,
+            loss=one.error,
             data=[windows((demos.states - mean) / scale, one.window(demos.states.shape[1]))],
             schedule=config,
             name=cls.name,
             seeds=seeds,
-            validate=lambda weights: one._error(weights, _for_each(weights, unseen)),
+            validate=lambda weights: one.error(weights, _for_each(weights, unseen)),
         )
         for method, result in zip(methods, trained, strict=True):
             method._arrays = result.weights | {"state_mean": mean, "state_scale": scale}
@@ -123,13 +130,6 @@ class NetworkMethod(MotionMethod):
         if self._trained is None:
             return {}
         return {"losses": self._trained.losses, "validation_losses": self._trained.validation}
-
-    def _error(self, weights: Weights, motion: Tensor) -> Tensor:
-        """Mean squared error of each network on motions (S, B, T, D), (S,)."""
-        truth = motion if self.config.teacher_forced else None
-        predicted = self.unroll(weights, motion[:, :, 0], motion.shape[2] - 1, truth)
-        wanted = motion[:, :, 1:, : predicted.shape[-1]]
-        return (predicted - wanted).square().mean(dim=(1, 2, 3))
 
 
 def windows(states: FloatArray, steps: int) -> FloatArray:

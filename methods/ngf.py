@@ -19,7 +19,7 @@ from 0 to 1 over the motion, in semi-implicit Euler steps.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -59,6 +59,8 @@ class NGF(NetworkMethod):
         "relocation": "large",
         "reorientation": "large",
     }
+
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"described": {}, "published": {}}
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
         """Returns the four networks and the stiffness."""

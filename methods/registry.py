@@ -13,6 +13,8 @@ from tasks.errors import InputError, unknown_name
 
 ENTRY_POINTS = "bench.methods"
 _CLASSES = {"kodex": "Kodex", "nn": "NN", "lstm": "LSTM", "ndp": "NDP", "ngf": "NGF"}
+_VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
+"""Variants whose network is another one."""
 
 
 def method_names() -> list[str]:
@@ -21,13 +23,16 @@ def method_names() -> list[str]:
 
 
 @cache
-def get_method(name: str) -> type[Method]:
-    """Returns the class of a method, imported when it is first asked for.
+def get_method(name: str, variant: str = "described") -> type[Method]:
+    """Returns the class of a method's variant, imported when it is first asked for.
 
     Raises:
         InputError: there is no such method, or its package does not bring one.
     """
-    if name in _CLASSES:
+    if (name, variant) in _VARIANTS:
+        module, class_name = _VARIANTS[name, variant]
+        found = getattr(import_module(f"methods.{module}"), class_name)
+    elif name in _CLASSES:
         found = getattr(import_module(f"methods.{name}"), _CLASSES[name])
     elif name in _brought():
         found = _load(_brought()[name])

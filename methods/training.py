@@ -54,6 +54,9 @@ class Schedule:
     ``batch`` (NN, LSTM: every step is then the learning rate in the gradient's sign) or each
     ``epoch`` (NDP)."""
 
+    weight_decay: float = 0.0
+    """That of AdamW; with none it is Adam."""
+
     def __post_init__(self) -> None:
         if self.fresh_adam not in FRESH_ADAM:
             raise unknown_name("time for a fresh Adam", self.fresh_adam, FRESH_ADAM)
@@ -108,8 +111,9 @@ def minimise(
     samples = [torch.from_numpy(array.astype(np.float32)) for array in data]
     orders = [generator("order", name, seed) for seed in beside]
 
-    def fresh_adam() -> torch.optim.Adam:
-        return torch.optim.Adam(weights.values(), schedule.learning_rate, fused=True)
+    def fresh_adam() -> torch.optim.Optimizer:
+        rate, decay = schedule.learning_rate, schedule.weight_decay
+        return torch.optim.AdamW(weights.values(), rate, weight_decay=decay, fused=True)
 
     optimiser = fresh_adam()
     best = _Best(weights)

@@ -157,8 +157,8 @@ def reorientation_reward(batch: Batch) -> FloatArray:
 
 
 RECIPES = {
-    "tool": Recipe(tool_reward, action_rate=1.0, hand_speed=0.05),
-    "door": Recipe(door_reward, action_rate=1.0, hand_speed=0.05, steps=8_000_000),
+    "tool": Recipe(tool_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
+    "door": Recipe(door_reward, action_rate=1.0, hand_speed=0.05, steps=6_000_000),
     "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
     "reorientation": Recipe(
         reorientation_reward,

@@ -1,0 +1,162 @@
+"""NGF as published: a causal transformer that writes the whole motion, and one correction a step.
+
+The published implementation integrates nothing. Every token is the start [q(1), x_o(1)]; with
+positions added they pass four transformer blocks to the belief b(t), t = 1..T. With the differences
+q' = (b(t) - b(t-1)) / dt, the correction of each step is
+
+    q'' = -P h - grad V + d^2 q',    h = |q'|^2 a(q),  V = |p(q)|^2,  P = I - q' q'^T / |q'|^2
+
+(the sign of the damping is that of the published code), and the motion is
+2 b(t) - b(t-1) + dt^2 q''. The metrics M and M_f do not occur. As there, q and q' carry no gradient
+into a and grad V. Left out, for want of facts: the length of the warm-up, and beta_2 = 0.95.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from methods.layers import Weights, linear
+from methods.network import NetworkConfig, NetworkMethod
+from tasks.data import FloatArray
+
+BLOCKS, HEADS, DT = 4, 4, 0.01
+CORRECTIONS = ("geometry", "potential", "damping")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedNGFConfig(NetworkConfig):
+    """The three sizes of Table 5, and the transformer's that belong to them."""
+
+    hidden: tuple[int, int]
+    embedding: int
+    standardise: bool = False
+    epochs: int = 1000
+    """The published limit is 10,000, with all demonstrations in one batch."""
+    batch_size: int = 200
+    learning_rate: float = 1e-3
+    weight_decay: float = 0.1
+
+
+class PublishedNGF(NetworkMethod):
+    """The transformer, and the correction of its motion."""
+
+    name = "ngf"
+    summary = "causal transformer with one corrected step"
+    sizes: ClassVar[Mapping[str, PublishedNGFConfig]] = {
+        "small": PublishedNGFConfig(hidden=(64, 32), embedding=32),
+        "median": PublishedNGFConfig(hidden=(128, 64), embedding=64),
+        "large": PublishedNGFConfig(hidden=(256, 128), embedding=128),
+    }
+    default_size: ClassVar[Mapping[str, str]] = {
+        "tool": "median",
+        "door": "large",
+        "relocation": "large",
+        "reorientation": "large",
+    }
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"published": {}}
+
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns weights from normal distributions, and biases of zero."""
+        dim, joints, width = self.layout.state_dim, self.layout.robot_dim, self.config.embedding
+        arrays = _normal_linear(rng, "into", dim, width, 0.02)
+        for block in range(BLOCKS):
+            for part in ("query", "key", "value", "join"):
+                arrays |= _normal_linear(rng, f"{part}{block}", width, width, 0.02)
+            arrays |= _normal_linear(rng, f"wide{block}", width, 4 * width, 0.02)
+            arrays |= _normal_linear(rng, f"narrow{block}", 4 * width, width, 0.02)
+            arrays |= _layer_norm(f"attended{block}", width) | _layer_norm(f"mixed{block}", width)
+        arrays |= _normal_linear(rng, "out", width, joints, 0.02)
+        first, second = self.config.hidden
+        for name, outputs in zip(CORRECTIONS, (joints, joints, 1), strict=True):
+            inputs = 2 * joints if name == "damping" else joints
+            arrays |= _normal_linear(rng, f"{name}0", inputs, first, 0.01)
+            arrays |= _normal_linear(rng, f"{name}1", first, second, 0.01)
+            arrays |= _normal_linear(rng, f"{name}2", second, outputs, 0.01)
+            arrays |= _layer_norm(f"{name}0", first) | _layer_norm(f"{name}1", second)
+        return arrays
+
+    def unroll(
+        self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
+    ) -> Tensor:
+        """Returns the joints after each step."""
+        belief = self._belief(weights, start, steps + 1)
+        before, after = belief[:, :, :-1], belief[:, :, 1:]
+        change = after - before
+        return after + change + DT**2 * self._acceleration(weights, after, change / DT)
+
+    def error(self, weights: Weights, motion: Tensor) -> Tensor:
+        """Huber loss of each network on the joints of all T states, (S,)."""
+        predicted = self.unroll(weights, motion[:, :, 0], motion.shape[2] - 1)
+        wanted = motion[:, :, 1:, : predicted.shape[-1]]
+        return functional.huber_loss(predicted, wanted, reduction="none").mean(dim=(1, 2, 3))
+
+    def _belief(self, weights: Weights, start: Tensor, length: int) -> Tensor:
+        networks, count = start.shape[:2]
+        x = linear(weights, "into", start)[:, :, None] + _positions(length, self.config.embedding)
+        for block in range(BLOCKS):
+            x = _norm(weights, f"attended{block}", x + _attend(weights, block, x))
+            wide = functional.gelu(_each(weights, f"wide{block}", x))
+            x = _norm(weights, f"mixed{block}", x + _each(weights, f"narrow{block}", wide))
+        return _each(weights, "out", x).view(networks, count, length, -1)
+
+    def _acceleration(self, weights: Weights, q: Tensor, v: Tensor) -> Tensor:
+        apart, moving = q.detach(), v.detach()
+        geometry = moving.square().sum(dim=-1, keepdim=True) * _mlp(weights, "geometry", apart)
+        along = (geometry * v).sum(dim=-1, keepdim=True)
+        projected = geometry - v * along / (v.square().sum(dim=-1, keepdim=True) + 1e-15)
+        with torch.enable_grad():
+            place = apart.requires_grad_()
+            potential = _mlp(weights, "potential", place).square().sum()
+            (pull,) = torch.autograd.grad(potential, place, create_graph=True)
+        damping = _mlp(weights, "damping", torch.cat([q, v], dim=-1)).square()
+        return damping * v - projected - pull
+
+
+def _normal_linear(
+    rng: np.random.Generator, name: str, inputs: int, outputs: int, std: float
+) -> dict[str, FloatArray]:
+    weight = std * rng.standard_normal((outputs, inputs))
+    return {f"{name}.weight": weight, f"{name}.bias": np.zeros(outputs)}
+
+
+def _layer_norm(name: str, width: int) -> dict[str, FloatArray]:
+    return {f"{name}.scale": np.ones(width), f"{name}.shift": np.zeros(width)}
+
+
+def _norm(weights: Weights, name: str, x: Tensor) -> Tensor:
+    """Layer normalisation of (S, B, T, K)."""
+    normal = functional.layer_norm(x, x.shape[-1:])
+    scale, shift = weights[f"{name}.scale"], weights[f"{name}.shift"]
+    return normal * scale[:, None, None] + shift[:, None, None]
+
+
+def _each(weights: Weights, name: str, x: Tensor) -> Tensor:
+    """A linear layer on every token of (S, B, T, I)."""
+    return linear(weights, name, x.flatten(1, 2)).unflatten(1, x.shape[1:3])
+
+
+def _mlp(weights: Weights, name: str, x: Tensor) -> Tensor:
+    for i in range(2):
+        x = torch.relu(_norm(weights, f"{name}{i}", _each(weights, f"{name}{i}", x)))
+    return _each(weights, f"{name}2", x)
+
+
+def _attend(weights: Weights, block: int, x: Tensor) -> Tensor:
+    """Causal self-attention of (S, B, T, E)."""
+    query, key, value = (
+        _each(weights, f"{part}{block}", x).unflatten(-1, (HEADS, -1)).transpose(2, 3)
+        for part in ("query", "key", "value")
+    )
+    seen = functional.scaled_dot_product_attention(query, key, value, is_causal=True)
+    return _each(weights, f"join{block}", seen.transpose(2, 3).flatten(-2))
+
+
+def _positions(length: int, width: int) -> Tensor:
+    """Sinusoidal code of positions from 0, (T, E): sine on even channels, cosine on odd."""
+    angle = torch.arange(length)[:, None] * 10_000 ** (-torch.arange(0, width, 2) / width)
+    return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(1)

@@ -1,0 +1,280 @@
+"""The networks and their one training loop, against torch's own modules and plain loops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from methods.checks import LAYOUT, toy
+from methods.layers import linear_weights, mlp, mlp_weights
+from methods.lstm import LSTM
+from methods.ndp import NDP
+from methods.network import windows
+from methods.ngf import NGF, acceleration, energised, potential_gradient
+from methods.ngf_published import PublishedNGF
+from methods.nn import NN
+from methods.training import Schedule, TrainingError, minimise
+from tasks.data import generator
+from tasks.errors import InputError
+
+SCHEDULE = Schedule(epochs=3, batch_size=4, learning_rate=1e-2)
+
+
+def stacked(arrays, networks=1):
+    tensors = {k: torch.tensor(v, dtype=torch.float32) for k, v in arrays.items()}
+    return {k: v.expand(networks, *v.shape).contiguous() for k, v in tensors.items()}
+
+
+def as_module(weights, name, index=0):
+    weight, bias = weights[f"{name}.weight"][index], weights[f"{name}.bias"][index]
+    layer = nn.Linear(weight.shape[1], weight.shape[0])
+    layer.load_state_dict({"weight": weight, "bias": bias})
+    return layer
+
+
+def train(draw, loss, data, schedule=SCHEDULE, seeds=(1, 2), **options):
+    return minimise(draw, loss, data, schedule, "test", seeds, **options)
+
+
+def draw_line(rng):
+    return mlp_weights(rng, "layer", (3, 5, 2))
+
+
+def line_loss(weights, x, y):
+    return (mlp(weights, "layer", x, 2) - y).square().mean(dim=(1, 2))
+
+
+@pytest.fixture
+def line():
+    x = generator("line").standard_normal((10, 3))
+    return x, x[:, :2] - x[:, 2:]
+
+
+# Training
+def test_training_is_that_of_torch_seed_by_seed(line):
+    seeds = (3, 4, 5)
+    for seed, trained in zip(seeds, train(draw_line, line_loss, line, seeds=seeds), strict=True):
+        weights = stacked(draw_line(generator("weights", "test", seed)))
+        network = nn.Sequential(
+            as_module(weights, "layer0"), nn.ReLU(), as_module(weights, "layer1")
+        )
+        optimiser = torch.optim.Adam(network.parameters(), 1e-2)
+        order = generator("order", "test", seed)
+        x, y = (torch.tensor(part, dtype=torch.float32) for part in line)
+        for _ in range(3):
+            for rows in torch.tensor(order.permutation(10)).split(4):
+                optimiser.zero_grad()
+                nn.functional.mse_loss(network(x[rows]), y[rows]).backward()
+                optimiser.step()
+        np.testing.assert_allclose(
+            trained.weights["layer1.weight"], network[2].weight.detach(), atol=1e-6
+        )
+
+
+def test_what_a_seed_becomes_does_not_depend_on_its_company(line):
+    alone, pair, five = (
+        train(draw_line, line_loss, line, seeds=s)[0] for s in ([1], [1, 7], range(1, 6))
+    )
+    for name, array in alone.weights.items():
+        np.testing.assert_array_equal(pair.weights[name], array)
+        np.testing.assert_array_equal(five.weights[name], array)
+
+
+def test_a_fresh_adam_for_each_batch_steps_by_the_sign_of_the_gradient(line):
+    schedule = replace(SCHEDULE, epochs=1, batch_size=10, fresh_adam="batch")
+    (trained, _) = train(draw_line, line_loss, line, schedule)
+    before = stacked(draw_line(generator("weights", "test", 1)))
+    for weight in before.values():
+        weight.requires_grad_()
+    x, y = (torch.tensor(part, dtype=torch.float32)[None] for part in line)
+    line_loss(before, x, y).sum().backward()
+    for name, weight in before.items():
+        expected = weight.detach() - 1e-2 * weight.grad.sign()
+        np.testing.assert_allclose(trained.weights[name], expected[0], atol=1e-5)
+
+
+def test_the_weights_of_the_lowest_validation_loss_are_kept(line):
+    told = iter([3.0, 1.0, 2.0])
+
+    def validate(weights):
+        seen.append(weights["layer0.bias"].detach().clone())
+        value = next(told)
+        return torch.tensor([value, -value])
+
+    seen: list[torch.Tensor] = []
+    first, second = train(draw_line, line_loss, line, validate=validate)
+    np.testing.assert_array_equal(first.weights["layer0.bias"], seen[1][0])
+    np.testing.assert_array_equal(second.weights["layer0.bias"], seen[0][1])
+    np.testing.assert_array_equal(first.validation, [3, 1, 2])
+
+
+def test_a_training_that_diverges_keeps_its_best_and_one_that_never_was_finite_says_so(line):
+    losses = iter([1.0, float("nan"), float("nan")])
+
+    def validate(weights):
+        return torch.full((2,), next(losses))
+
+    assert np.isfinite(
+        train(draw_line, line_loss, line, validate=validate)[0].weights["layer0.bias"]
+    ).all()
+    x, y = line
+    with pytest.raises(TrainingError, match="seed 1 was never finite"):
+        train(draw_line, line_loss, (x * np.nan, y))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "answer"),
+    [
+        ("epochs", 0, "above 0"),
+        ("learning_rate", -1.0, "above 0"),
+        ("fresh_adam", "bach", "'batch'"),
+    ],
+)
+def test_schedules_out_of_range_are_refused(field, value, answer):
+    with pytest.raises(InputError, match=answer):
+        replace(SCHEDULE, **{field: value})
+
+
+def test_windows_are_all_stretches_of_all_motions():
+    states = generator("windows").standard_normal((2, 6, 3))
+    expected = [states[b, t : t + 3] for b in range(2) for t in range(4)]
+    np.testing.assert_array_equal(windows(states, 2), expected)
+
+
+# Networks
+def weights_of(method):
+    return stacked(method.draw(generator("weights of", method.name)))
+
+
+@pytest.fixture
+def start():
+    return torch.tensor(toy(2, 4).states[:, 0], dtype=torch.float32)[None]
+
+
+def test_lstm_is_torchs_own(start):
+    method = LSTM(LSTM.sizes["small"], LAYOUT)
+    weights = weights_of(method)
+    cell = nn.LSTMCell(100, 200)
+    gates = weights["gates.weight"][0]
+    state = {"weight_ih": gates[:, :100], "weight_hh": gates[:, 100:]}
+    biases = {"bias_ih": weights["gates.bias"][0], "bias_hh": torch.zeros(800)}
+    cell.load_state_dict(state | biases)
+    into, out = as_module(weights, "into"), as_module(weights, "out")
+    x, memory, expected = start[0], None, []
+    for _ in range(5):
+        memory = cell(into(x), memory)
+        x = out(memory[0])
+        expected.append(x)
+    torch.testing.assert_close(
+        method.unroll(weights, start, 5)[0], torch.stack(expected, dim=1), rtol=1e-4, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("kind", [NN, LSTM])
+def test_teacher_forcing_predicts_from_the_truth(kind, start):
+    method = kind(kind.sizes["small"], LAYOUT)
+    weights = weights_of(method)
+    free = method.unroll(weights, start, 5)
+    truth = torch.cat([start[:, :, None], free], dim=2)
+    torch.testing.assert_close(method.unroll(weights, start, 5, truth), free)
+    other = method.unroll(weights, start, 5, truth + torch.arange(6.0)[:, None])
+    assert (other - free).abs().max() > 1e-3
+
+
+@pytest.mark.parametrize("kind", [NN, LSTM, NDP])
+def test_published_variants_follow_the_published_training(kind):
+    config = replace(kind.sizes["small"], **kind.variants["published"])
+    assert not config.standardise
+    assert config.epochs == 200
+    assert config.fresh_adam == ("epoch" if kind is NDP else "batch")
+
+
+def test_published_ndp_drives_the_whole_state_with_a_fixed_step(start):
+    config = replace(NDP.sizes["small"], **NDP.variants["published"])
+    assert NDP(config, LAYOUT).unroll(weights_of(NDP(config, LAYOUT)), start, 14).shape[-1] == 5
+    assert NDP(NDP.sizes["small"], LAYOUT).driven == 3
+
+
+# The fabric
+@pytest.fixture
+def fabric():
+    method = NGF(NGF.sizes["small"], LAYOUT)
+    weights = {k: v.double() for k, v in weights_of(method).items()}
+    rng = generator("fabric")
+    q, v = torch.tensor(rng.standard_normal((2, 1, 4, 3)))
+    first = NGF.sizes["small"].hidden[0]
+    names = ("geometry", "metric", "potential", "damping")
+    context = {name: torch.tensor(rng.standard_normal((1, 4, first))) for name in names}
+    return weights, context, q, v
+
+
+def silent(weights, *names):
+    """The same fabric with some parts switched off."""
+    quiet = dict(weights)
+    for name in names:
+        if name == "potential":
+            quiet["stiffness"] = torch.zeros_like(weights["stiffness"])
+            quiet |= {k: torch.zeros_like(v) for k, v in weights.items() if k.startswith(name)}
+        else:
+            quiet[f"{name}2.weight"] = torch.zeros_like(weights[f"{name}2.weight"])
+            quiet[f"{name}2.bias"] = torch.full_like(weights[f"{name}2.bias"], -1e4)
+    return quiet
+
+
+def test_the_fabric_alone_does_no_work_and_bends_quadratically_in_velocity(fabric):
+    weights, context, q, v = fabric
+    alone = silent(weights, "potential", "damping")
+    force = acceleration(alone, context, q, v)
+    assert force.abs().max() > 1e-3
+    assert (force * v).sum(dim=-1).abs().max() < 1e-12
+    torch.testing.assert_close(acceleration(alone, context, q, 3 * v), 9 * force)
+
+
+def test_the_potential_force_is_the_gradient_of_its_potential(fabric):
+    weights, context, q, _ = fabric
+    q.requires_grad_()
+    first = torch.tanh(
+        mlp({k.replace("potential0", "a0"): v for k, v in weights.items()}, "a", q, 1)
+        + context["potential"]
+    )
+    second = torch.tanh(
+        torch.baddbmm(weights["potential1.bias"][:, None], first, weights["potential1.weight"].mT)
+    )
+    out = torch.baddbmm(
+        weights["potential2.bias"][:, None], second, weights["potential2.weight"].mT
+    )
+    psi = 0.5 * (weights["stiffness"][:, None] * q + out).square().sum()
+    (expected,) = torch.autograd.grad(psi, q)
+    torch.testing.assert_close(potential_gradient(weights, context["potential"], q), expected)
+
+
+def test_damping_takes_energy_and_rest_is_where_the_potential_is_flat(fabric):
+    weights, context, q, v = fabric
+    damped = acceleration(silent(weights, "potential"), context, q, v)
+    assert ((damped * v).sum(dim=-1) < 0).all()
+    at_rest = acceleration(weights, context, q, torch.zeros_like(v))
+    pull = -potential_gradient(weights, context["potential"], q)
+    assert (at_rest * pull > 0).all()
+
+
+def test_energising_leaves_what_is_across_the_motion():
+    v = torch.tensor([[[3.0, 0.0, 0.0]]])
+    force = torch.tensor([[[1.0, 2.0, 3.0]]])
+    torch.testing.assert_close(energised(force, v), torch.tensor([[[0.0, 2.0, 3.0]]]))
+
+
+def test_published_ngf_sees_no_later_token_and_starts_every_token_alike(start):
+    method = PublishedNGF(PublishedNGF.sizes["small"], LAYOUT)
+    weights = weights_of(method)
+    longer, shorter = (method.unroll(weights, start, steps) for steps in (12, 7))
+    assert longer.shape == (1, 4, 12, 3)
+    torch.testing.assert_close(longer[:, :, :7], shorter, rtol=1e-4, atol=1e-5)
+
+
+def test_weights_are_drawn_as_torch_draws_them():
+    arrays = linear_weights(generator("bounds"), "layer", 25, 400)
+    assert arrays["layer.weight"].shape == (400, 25)
+    for array in arrays.values():
+        assert 0.19 < np.abs(array).max() <= 0.2
