@@ -1,5 +1,6 @@
 """`bench run`: compute what is missing of a study."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +12,7 @@ from tasks.errors import InputError, unknown_name
 if TYPE_CHECKING:
     pass
 
+SOME_FAILED = 3
 Names = Annotated[str | None, typer.Option(help="Comma-separated; all of the preset unless told.")]
 
 
@@ -57,7 +59,11 @@ def run(
         study = replace(study, seeds=_seeds(seeds))
     study = replace(study, settings=_settings(settings or []))
     outcome = run_study(study, out, None if jobs is None else _positive("jobs", jobs))
-    print(f"{outcome.done} jobs done, {outcome.cells} cells complete in {outcome.folder}")
+    for failure in outcome.failed:
+        print(f"failed: {failure}", file=sys.stderr)
+    print(f"{outcome.done} results computed, {outcome.cells} cells in {outcome.folder}")
+    if outcome.failed:
+        raise typer.Exit(SOME_FAILED)
 
 
 def _names(kind: str, text: str, known: Any) -> tuple[str, ...]:

@@ -1,9 +1,11 @@
 """The paper's experiments, each as a list of cells. Experiments share cells freely."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import product
 from typing import Any
+
+import pandas as pd
 
 from bench.presets import SMALLEST, Study
 from bench.spec import (
@@ -16,11 +18,21 @@ from bench.spec import (
     Fit,
 )
 from methods.base import ActionMethod, Method
+from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.errors import InputError, unknown_name
+from tasks.physics import NOMINAL, PHYSICS
+
+Recipes = Mapping[str, str]
+"""By task, the key of what its demonstrations are made from."""
+Sizes = Mapping[tuple[str, str], str]
+"""By task and method, the size that did best."""
+
+EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
+ROBUSTNESS = "robustness"
 
 
-def sizes(study: Study, recipes: Mapping[str, str]) -> list[Cell]:
+def sizes(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
     """Success from the starts of the validation demonstrations, for each size (Tables 1-5)."""
     fits = [
         fit
@@ -31,23 +43,132 @@ def sizes(study: Study, recipes: Mapping[str, str]) -> list[Cell]:
     return [_cell(study, fit, VALIDATION, study.episodes["sizes"]) for fit in fits]
 
 
-def success(study: Study, recipes: Mapping[str, str]) -> list[Cell]:
+def success(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
     """Success from unseen starts, of the expert too."""
-    return _on_split(study, recipes, "test", study.episodes["success"])
+    fits = _chosen_fits(study, recipes, chosen)
+    return [_cell(study, fit, "test", study.episodes["success"]) for fit in fits]
 
 
-EXPERIMENTS: dict[str, Callable[[Study, Mapping[str, str]], list[Cell]]] = {
+def ood(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
+    """Success from starts out of distribution, of the expert too (Fig. 5)."""
+    fits = _chosen_fits(study, recipes, chosen)
+    return [_cell(study, fit, "ood", study.episodes["ood"]) for fit in fits]
+
+
+def robustness(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
+    """Success in changed physics, with the original and the expert-tuned controller (I)."""
+    episodes = study.episodes[ROBUSTNESS]
+    return [
+        _cell(study, fit, "test", episodes, physics, tuned)
+        for fit in _chosen_fits(study, recipes, chosen)
+        for physics in PHYSICS
+        for tuned in ((False,) if physics == NOMINAL or _acts(fit) else (False, True))
+    ]
+
+
+def lifting(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
+    """Success of KODex with each set of observables (Table 11, Fig. 6)."""
+    if "kodex" not in study.methods:
+        return []
+    fits = [
+        fit
+        for task in study.tasks
+        for fit in _fits(study, task, "kodex", "single", recipes, LIFTING_VARIANTS)
+    ]
+    return [_cell(study, fit, "test", study.episodes["lifting"]) for fit in fits]
+
+
+def stability(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
+    """The fits whose eigenvalues are looked at (Table 12, Fig. 7): KODex on all demonstrations."""
+    if "kodex" not in study.methods:
+        return []
+    fits = [fit for task in study.tasks for fit in _fits(study, task, "kodex", "single", recipes)]
+    return [_cell(study, fit, VALIDATION, study.episodes["stability"]) for fit in fits]
+
+
+def efficiency(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
+    """Success against the number of demonstrations."""
+    counts = [count for count in EFFICIENCY_DEMOS if count <= study.demos]
+    fits = [
+        fit
+        for count in counts
+        for fit in _chosen_fits(study, recipes, chosen, count)
+        if fit.method != EXPERT
+    ]
+    return [_cell(study, fit, "test", study.episodes["efficiency"]) for fit in fits]
+
+
+def audit(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
+    """Success of every variant of every method: as described, as published, and others."""
+    fits = [
+        fit
+        for task, name in product(study.tasks, study.methods)
+        for fit in _fits(
+            study,
+            task,
+            name,
+            _size(study, get_method(name), task, chosen),
+            recipes,
+            _audited(study, get_method(name)),
+        )
+    ]
+    return [_cell(study, fit, "test", study.episodes["audit"]) for fit in fits]
+
+
+EXPERIMENTS: dict[str, Callable[[Study, Recipes, Sizes], list[Cell]]] = {
     "sizes": sizes,
     "success": success,
+    "ood": ood,
+    "robustness": robustness,
+    "lifting": lifting,
+    "stability": stability,
+    "efficiency": efficiency,
+    "audit": audit,
 }
 
 
-def cells_of(study: Study, recipes: Mapping[str, str]) -> list[Cell]:
+def first_wave(study: Study, recipes: Recipes) -> list[Cell]:
+    """Returns the cells whose results decide the sizes of the rest, if any are compared."""
+    return sizes(study, recipes, {}) if "sizes" in study.episodes else []
+
+
+def chosen_sizes(study: Study, frame: pd.DataFrame) -> dict[tuple[str, str], str]:
+    """Returns by task and method the size of the highest mean success on validation starts.
+
+    Ties go to the smaller size (Tables 2-5).
+
+    Args:
+        study: whose tasks and methods are asked about.
+        frame: stored evaluations, as `bench.store.Store.frame` gives them.
+    """
+    if frame.empty:
+        return {}
+    compared = frame[
+        (frame.split == VALIDATION)
+        & (frame.variant == "described")
+        & (frame.demos == study.demos)
+        & frame.seed.isin([0, *study.seeds])
+    ]
+    rates = (compared.successes / compared.episodes).groupby(
+        [compared.task, compared.method, compared["size"]]
+    )
+    means = rates.mean()
+    chosen = {}
+    for task, name in product(study.tasks, study.methods):
+        order = [size for size in _sizes(study, get_method(name)) if (task, name, size) in means]
+        if order:
+            chosen[task, name] = max(order, key=lambda size: means[task, name, size])
+    return chosen
+
+
+def cells_of(study: Study, recipes: Recipes, chosen: Sizes | None = None) -> list[Cell]:
     """Returns the cells of all experiments that the study names, each once.
 
     Args:
         study: what is asked for.
         recipes: by task, the key of what its demonstrations are made from.
+        chosen: by task and method, the size of all experiments but `sizes`; the methods' default
+            sizes unless told.
 
     Raises:
         InputError: the study names an experiment, size, variant or field that does not exist, or a
@@ -60,7 +181,7 @@ def cells_of(study: Study, recipes: Mapping[str, str]) -> list[Cell]:
     _check_settings(study)
     found: dict[tuple[str, str], Cell] = {}
     for name in study.episodes:
-        for cell in EXPERIMENTS[name](study, recipes):
+        for cell in EXPERIMENTS[name](study, recipes, chosen or {}):
             place = (cell.fit.key, cell.evaluation.name)
             known = found.get(place, cell)
             found[place] = max(known, cell, key=lambda other: other.episodes)
@@ -70,13 +191,17 @@ def cells_of(study: Study, recipes: Mapping[str, str]) -> list[Cell]:
     return list(found.values())
 
 
-def _on_split(study: Study, recipes: Mapping[str, str], split: str, episodes: int) -> list[Cell]:
+def _chosen_fits(
+    study: Study, recipes: Recipes, chosen: Sizes, demos: int | None = None
+) -> list[Fit]:
+    """The expert, and each method at its size, for each task."""
     fits = []
     for task in study.tasks:
         fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, recipes[task]))
         for name in study.methods:
-            fits += _fits(study, task, name, _size(study, get_method(name), task), recipes)
-    return [_cell(study, fit, split, episodes) for fit in fits]
+            size = _size(study, get_method(name), task, chosen)
+            fits += _fits(study, task, name, size, recipes, demos=demos)
+    return fits
 
 
 def _sizes(study: Study, method: type[Method]) -> list[str]:
@@ -88,24 +213,39 @@ def _sizes(study: Study, method: type[Method]) -> list[str]:
     return [size for size in known if size in chosen]
 
 
-def _size(study: Study, method: type[Method], task: str) -> str:
+def _size(study: Study, method: type[Method], task: str, chosen: Sizes) -> str:
     """The size of a method in all other experiments."""
+    if (task, method.name) in chosen:
+        return chosen[task, method.name]
     compared = _sizes(study, method)
     default = method.default_size.get(task, compared[0])
     return default if default in compared else compared[0]
 
 
+def _audited(study: Study, method: type[Method]) -> list[str]:
+    """The variants that `audit` compares; sets of observables have an experiment of their own."""
+    if study.variants is not None:
+        return [variant for variant in method.variants if variant in study.variants]
+    return [variant for variant in method.variants if variant not in LIFTING_VARIANTS[1:]]
+
+
 def _fits(
-    study: Study, task: str, name: str, size: str, recipes: Mapping[str, str]
-) -> Iterable[Fit]:
-    method = get_method(name)
-    seeds = study.seeds[:1] if method.deterministic else study.seeds
-    for variant in study.variants:
+    study: Study,
+    task: str,
+    name: str,
+    size: str,
+    recipes: Recipes,
+    variants: Sequence[str] = ("described",),
+    demos: int | None = None,
+) -> Iterator[Fit]:
+    """One fit for each variant and seed."""
+    for variant in variants:
+        method = get_method(name, variant)
         if variant in method.variants:
-            config = asdict(_config(study, get_method(name, variant), size, variant))
-            for seed in seeds:
-                seed = 0 if method.deterministic else seed
-                yield Fit(task, name, variant, size, config, study.demos, seed, recipes[task])
+            config = asdict(_config(study, method, size, variant))
+            for seed in (0,) if method.deterministic else study.seeds:
+                count = study.demos if demos is None else demos
+                yield Fit(task, name, variant, size, config, count, seed, recipes[task])
 
 
 def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
@@ -119,13 +259,13 @@ def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
 
 def _check_names(study: Study) -> None:
     methods = [get_method(name) for name in study.methods]
-    sizes = dict.fromkeys([SMALLEST, *(size for method in methods for size in method.sizes)])
+    known = dict.fromkeys([SMALLEST, *(size for method in methods for size in method.sizes)])
     variants = dict.fromkeys(variant for method in methods for variant in method.variants)
-    asked = (("size", study.sizes or (), sizes), ("variant", study.variants, variants))
-    for kind, names, known in asked:
-        for name in names:
-            if name not in known:
-                raise unknown_name(kind, name, known)
+    asked = (("size", study.sizes, known), ("variant", study.variants, variants))
+    for kind, names, allowed in asked:
+        for name in names or ():
+            if name not in allowed:
+                raise unknown_name(kind, name, allowed)
 
 
 def _check_settings(study: Study) -> None:
@@ -138,9 +278,17 @@ def _check_settings(study: Study) -> None:
             raise unknown_name(f"config field of {name}", field, known)
 
 
-def _cell(study: Study, fit: Fit, split: str, episodes: int) -> Cell:
-    if fit.method == EXPERT or issubclass(get_method(fit.method), ActionMethod):
-        return Cell(fit, Evaluation(fit.task, split, controller=NO_CONTROLLER), episodes)
-    controller = ControllerSpec(fit.task, study.controller, study.demos, fit.recipe)
-    evaluation = Evaluation(fit.task, split, controller_key=controller.key)
+def _acts(fit: Fit) -> bool:
+    """Whether it needs no controller."""
+    return fit.method == EXPERT or issubclass(get_method(fit.method), ActionMethod)
+
+
+def _cell(
+    study: Study, fit: Fit, split: str, episodes: int, physics: str = NOMINAL, tuned: bool = False
+) -> Cell:
+    if _acts(fit):
+        return Cell(fit, Evaluation(fit.task, split, physics, NO_CONTROLLER), episodes)
+    learnt = physics if tuned else NOMINAL
+    controller = ControllerSpec(fit.task, study.controller, study.demos, fit.recipe, learnt)
+    evaluation = Evaluation(fit.task, split, physics, controller.name, controller.key)
     return Cell(fit, evaluation, episodes, controller)

@@ -20,7 +20,8 @@ class Study:
     methods: tuple[str, ...] = field(default_factory=lambda: tuple(method_names()))
     sizes: tuple[str, ...] | None = None
     """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method."""
-    variants: tuple[str, ...] = ("described",)
+    variants: tuple[str, ...] | None = None
+    """Variants that `audit` compares, all unless told."""
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
     demos: int = 200
     epochs_share: float = 1.0
@@ -48,7 +49,7 @@ REDUCED = "reduced protocol"
 
 PRESETS = {
     "smoke": Study(
-        episodes={"sizes": 20, "success": 20},
+        episodes={name: 20 for name in ("sizes", "success", "ood", "stability")},
         tasks=("door",),
         sizes=(SMALLEST,),
         seeds=(1,),
@@ -58,10 +59,21 @@ PRESETS = {
         note=REDUCED,
     ),
     "quick": Study(
-        episodes={"sizes": 50, "success": 200},
+        episodes={"sizes": 50, "success": 200, "ood": 200, "stability": 50},
         seeds=(1,),
         epochs_share=0.1,
         note=REDUCED,
     ),
-    "paper": Study(episodes={"sizes": 50, "success": 10_000}),
+    "paper": Study(
+        episodes={
+            "sizes": 50,
+            "success": 10_000,
+            "ood": 10_000,
+            "robustness": 200,
+            "lifting": 10_000,
+            "stability": 50,
+            "efficiency": 1000,
+            "audit": 1000,
+        }
+    ),
 }

@@ -8,29 +8,32 @@ one that writes results.
 import os
 import platform
 import time
+import traceback
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from bench.controller import Controller, train_controller
-from bench.experiments import cells_of
+from bench.experiments import cells_of, chosen_sizes, first_wave
 from bench.presets import Study
 from bench.progress import Progress
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
-from methods.base import ActionMethod, MotionMethod, Parameters
+from methods.base import ActionMethod, Method, MotionMethod, Parameters
 from tasks.data import Demos, Episodes, Starts
-from tasks.demos import TRAINING, demos_key, load_demos
+from tasks.demos import TRAINING, demos_key, load_demos, record
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.physics import NOMINAL
 from tasks.registry import get_task
 from tasks.simulator import CHUNK, Policy, rollout
 
@@ -43,13 +46,17 @@ class Outcome:
 
     folder: Path
     done: int
-    """Jobs that were missing and are now there."""
+    """Results that were missing and are now there."""
     cells: int
     """Cells that were asked for."""
+    failed: tuple[str, ...]
+    """What failed, each with its reason; the same run again tries it again."""
 
 
 def run(study: Study, folder: Path, jobs: int | None = None) -> Outcome:
     """Computes and stores what is missing of a study; the same call again goes on.
+
+    Where the study compares sizes, the sizes that do best decide the cells of the rest.
 
     Args:
         study: what is asked for.
@@ -63,13 +70,16 @@ def run(study: Study, folder: Path, jobs: int | None = None) -> Outcome:
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = {task: demos_key(get_task(task)) for task in study.tasks}
-    cells = cells_of(study, recipes)
+    # The largest study there can be, so that what does not exist is refused before anything runs.
+    cells_of(study, recipes)
     store = Store(folder)
     with store.locked(), Progress() as progress:
-        store.ask_for(cells)
-        runner = _Runner(store, study.demos, jobs, progress)
-        done = runner.controllers(cells) + runner.fits(cells) + runner.evaluations(cells)
-    return Outcome(folder, done, len(cells))
+        runner = _Runner(store, jobs, progress)
+        compared = first_wave(study, recipes)
+        runner.compute(compared)
+        cells = cells_of(study, recipes, chosen_sizes(study, store.frame()) if compared else {})
+        runner.compute(cells)
+    return Outcome(folder, runner.done, len(cells), tuple(runner.failed))
 
 
 def default_jobs() -> int:
@@ -90,56 +100,74 @@ def cores() -> int:
 
 
 class _Runner:
-    """The three rounds of a run."""
+    """Computes cells: controllers, then fits, then evaluations."""
 
-    def __init__(self, store: Store, demos: int, jobs: int, progress: Progress) -> None:
-        self.store, self.demos, self.jobs, self.progress = store, demos, jobs, progress
+    def __init__(self, store: Store, jobs: int, progress: Progress) -> None:
+        self.store, self.jobs, self.progress = store, jobs, progress
+        self.done = 0
+        self.failed: list[str] = []
+        self._tried: set[str] = set()
 
-    def controllers(self, cells: Iterable[Cell]) -> int:
+    def compute(self, cells: Sequence[Cell]) -> None:
+        """Computes what is missing of the cells, but for what this run has tried in vain."""
+        if cells:
+            self.store.ask_for(cells)
+            self._controllers(cells)
+            self._fits(cells)
+            self._evaluations(cells)
+
+    def _controllers(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.controller.key: cell.controller for cell in cells if cell.controller}
         missing = [spec for spec in wanted.values() if not self.store.has_controller(spec)]
-        return self._dispatch(
+        self._dispatch(
             "controllers",
             controller_job,
-            missing,
-            lambda spec: (spec, _training(spec.task, spec.demos)),
+            [((spec,), spec.label) for spec in missing],
+            lambda specs: (specs[0], _controller_demos(specs[0])),
             lambda spec, result: self.store.add_controller(spec, result[0], _facts(result[1])),
         )
 
-    def fits(self, cells: Iterable[Cell]) -> int:
+    def _fits(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.fit.key: cell.fit for cell in cells}
         missing = [fit for fit in wanted.values() if not self.store.has_fit(fit)]
         for fit in missing:
             if fit.method == EXPERT:
                 self.store.add_fit(fit, {}, {}, _facts(0.0))
         learning = [fit for fit in missing if fit.method != EXPERT]
-        return self._dispatch(
+        blocks: dict[str, list[Fit]] = {}
+        for fit in learning:
+            blocks.setdefault(replace(fit, seed=0).key, []).append(fit)
+        self._dispatch(
             "fits",
             fit_job,
-            learning,
-            lambda fit: (fit, _training(fit.task, fit.demos), _validation(fit.task)),
+            [(tuple(block), _block_label(block)) for block in blocks.values()],
+            lambda fits: (fits, _training(fits[0].task, fits[0].demos), _validation(fits[0].task)),
             lambda fit, result: self.store.add_fit(fit, result[0], result[1], _facts(result[2])),
         )
 
-    def evaluations(self, cells: Iterable[Cell]) -> int:
+    def _evaluations(self, cells: Iterable[Cell]) -> None:
         missing = [piece for cell in cells if (piece := self._missing(cell))]
         threads = max(1, cores() // self.jobs)
-        return self._dispatch(
+        self._dispatch(
             "evaluations",
             evaluation_job,
-            missing,
-            lambda piece: (piece, *self._learnt(piece.cell), threads),
+            [((piece,), piece.label) for piece in missing],
+            lambda pieces: (pieces[0], *self._learnt(pieces[0].cell), threads),
             lambda piece, result: self.store.add_episodes(
                 piece.cell.fit, piece.cell.evaluation, result, piece.keep
             ),
         )
 
     def _missing(self, cell: Cell) -> "_Piece | None":
-        """What is still to be evaluated of a cell; whole chunks that are there are kept."""
+        """What is still to be evaluated of a cell; whole chunks that are there are kept.
+
+        Nothing where the fit or the controller is not there: its failure has been noted.
+        """
         starts = _starts(cell.evaluation, cell.episodes)
         stored = self.store.episodes(cell.fit, cell.evaluation)
         found = 0 if stored is None else len(stored)
-        if found >= len(starts):
+        tracked = cell.controller is None or self.store.has_controller(cell.controller)
+        if found >= len(starts) or not tracked or not self.store.has_fit(cell.fit):
             return None
         keep = found // CHUNK * CHUNK
         return _Piece(cell, starts[keep:], keep)
@@ -153,21 +181,38 @@ class _Runner:
     def _dispatch(
         self,
         kind: str,
-        job: Callable[..., Any],
-        work: Sequence[Any],
-        arguments: Callable[[Any], tuple[Any, ...]],
+        job: Callable[..., list[Any]],
+        work: Iterable[tuple[tuple[Any, ...], str]],
+        arguments: Callable[[tuple[Any, ...]], tuple[Any, ...]],
         commit: Callable[[Any, Any], None],
-    ) -> int:
-        """Runs a job for each piece of work, and commits what comes of it; returns how many."""
-        if not work:
-            return 0
-        self.progress.begin(kind, len(work))
+    ) -> None:
+        """Runs a job for each group of results that go together, and commits what comes of it."""
+        groups = [(group, label) for group, label in work if label not in self._tried]
+        if not groups:
+            return
+        self.progress.begin(kind, len(groups))
         parallel = Parallel(self.jobs, return_as="generator_unordered")
-        calls = (delayed(_numbered)(i, job, arguments(piece)) for i, piece in enumerate(work))
-        for index, result in parallel(calls):
-            commit(work[index], result)
-            self.progress.advance(work[index].label)
-        return len(work)
+        calls = (delayed(_attempt)(i, job, arguments(group)) for i, (group, _) in enumerate(groups))
+        for index, results in parallel(calls):
+            group, label = groups[index]
+            self._tried.add(label)
+            for one, result in zip(group, results, strict=True):
+                if isinstance(result, Failure):
+                    self.store.add_failure(one.label, result.reason, result.traceback)
+                    self.failed.append(f"{one.label}: {result.reason}")
+                else:
+                    commit(one, result)
+                    self.store.clear_failure(one.label)
+                    self.done += 1
+            self.progress.advance(label)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no result."""
+
+    reason: str
+    traceback: str
 
 
 @dataclass(frozen=True)
@@ -184,31 +229,58 @@ class _Piece:
         return f"{self.cell.fit.label} {self.cell.evaluation.name} ({len(self.starts)} episodes)"
 
 
-# Jobs. Each depends on its arguments alone, and runs in whichever process.
-def controller_job(spec: ControllerSpec, demos: Demos) -> tuple[Parameters, float]:
+# Jobs. Each depends on its arguments alone, runs in whichever process, and returns a list with one
+# result, or failure, for each thing that it was to make.
+def controller_job(spec: ControllerSpec, demos: Demos) -> list[tuple[Parameters, float]]:
     """Returns a controller's weights, and the seconds that they took."""
     began = time.perf_counter()
     weights = train_controller(spec.config, demos, spec.task)
-    return weights, time.perf_counter() - began
+    return [(weights, time.perf_counter() - began)]
 
 
-def fit_job(fit: Fit, demos: Demos, validation: Demos) -> tuple[Parameters, Parameters, float]:
-    """Returns what a method learnt, its diagnostics, and the seconds that the fit took."""
-    method = fit.build()
+def fit_job(
+    fits: Sequence[Fit], demos: Demos, validation: Demos
+) -> list[tuple[Parameters, Parameters, float] | Failure]:
+    """Returns for each seed what was learnt, its diagnostics, and its share of the seconds.
+
+    Where the seeds cannot be trained together, each is tried alone.
+    """
+    method = fits[0].build()
     began = time.perf_counter()
-    method.fit(demos, validation, fit.seed)
-    seconds = time.perf_counter() - began
-    return method.parameters(), method.diagnostics(), seconds
+    try:
+        fitted = type(method).fit_seeds(
+            method.config, method.layout, demos, validation, [fit.seed for fit in fits]
+        )
+    except Exception as error:
+        if len(fits) == 1:
+            return [_failure(error)]
+        return [result for fit in fits for result in fit_job([fit], demos, validation)]
+    seconds = (time.perf_counter() - began) / len(fits)
+    return [
+        (one.parameters(), one.diagnostics() | imitation_error(one, validation), seconds)
+        for one in fitted
+    ]
+
+
+def imitation_error(method: Method, validation: Demos) -> Parameters:
+    """Returns mean |predicted - demonstrated x_r| over demonstrations and t = 2..T, (H,)."""
+    if not isinstance(method, MotionMethod):
+        return {}
+    wanted = validation.states[:, 1:, : method.layout.robot_dim]
+    motion = method.rollout(validation.states[:, 0], wanted.shape[1])
+    errors = np.abs(motion[:, 1:, : method.layout.robot_dim] - wanted)
+    return {"imitation_error": errors.mean(axis=(0, 1))}
 
 
 def evaluation_job(
     piece: _Piece, parameters: Parameters, controller: Parameters, threads: int
-) -> Episodes:
+) -> list[Episodes]:
     """Returns what comes of the episodes of a piece."""
     task = get_task(piece.cell.fit.task)
     policy = make_policy(piece.cell.fit, parameters, controller)
+    physics = piece.cell.evaluation.physics
     with threadpool_limits(1):
-        return rollout(task, piece.starts, policy, piece.cell.evaluation.physics, threads=threads)
+        return [rollout(task, piece.starts, policy, physics, threads=threads)]
 
 
 def make_policy(fit: Fit, parameters: Parameters, controller: Parameters) -> Policy:
@@ -223,8 +295,24 @@ def make_policy(fit: Fit, parameters: Parameters, controller: Parameters) -> Pol
     return FeedbackPolicy(method)
 
 
-def _numbered(index: int, job: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
-    return index, job(*arguments)
+def _attempt(
+    index: int, job: Callable[..., list[Any]], arguments: tuple[Any, ...]
+) -> tuple[int, list[Any]]:
+    """Does a job; whatever it raises becomes the one result."""
+    try:
+        return index, job(*arguments)
+    except Exception as error:
+        return index, [_failure(error)]
+
+
+def _failure(error: Exception) -> Failure:
+    lines = traceback.format_exception(error)
+    return Failure(f"{type(error).__name__}: {error}", "".join(lines))
+
+
+def _block_label(fits: Sequence[Fit]) -> str:
+    seeds = ",".join(str(fit.seed) for fit in fits)
+    return fits[0].label if len(fits) == 1 else f"{fits[0].label.rsplit('-s', 1)[0]}-s{seeds}"
 
 
 @cache
@@ -238,6 +326,15 @@ def _training(task: str, n: int) -> Demos:
 
 def _validation(task: str) -> Demos:
     return _demos(task)[TRAINING:]
+
+
+def _controller_demos(spec: ControllerSpec) -> Demos:
+    """What a controller learns from: the demonstrations, or rollouts of the expert elsewhere."""
+    if spec.physics == NOMINAL:
+        return _training(spec.task, spec.demos)
+    task = get_task(spec.task)
+    starts = task.sample("demo", spec.demos)
+    return record(task, starts, load_expert(task).policy, spec.physics, failures=True)[1]
 
 
 def _starts(evaluation: Evaluation, episodes: int) -> Starts:

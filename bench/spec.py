@@ -24,7 +24,7 @@ EXPERT = "expert"
 VALIDATION = "validation"
 """The starts of the validation demonstrations, as a split."""
 EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
-ORIGINAL, NO_CONTROLLER = "original", "none"
+ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
 
 
 @dataclass(frozen=True)
@@ -112,17 +112,25 @@ class ControllerSpec:
     config: ControllerConfig
     demos: int
     recipe: str
-    name: str = ORIGINAL
+    physics: str = NOMINAL
+    """Where its demonstrations are from; where it is not nominal, the controller is expert-tuned:
+    it learns from the expert's first rollouts there, failures kept (appendix I)."""
 
     @cached_property
     def key(self) -> str:
         """Names the controller."""
-        return key("controller", self.task, self.config.resolved(), self.demos, self.recipe)
+        learnt = (self.demos, self.recipe, self.physics)
+        return key("controller", self.task, self.config.resolved(), learnt)
+
+    @property
+    def name(self) -> str:
+        """What its evaluations call it."""
+        return ORIGINAL if self.physics == NOMINAL else TUNED
 
     @property
     def label(self) -> str:
         """A name for people to read."""
-        return f"{self.task}-{self.name}"
+        return f"{self.task}-{self.name}-{self.physics}"
 
 
 @dataclass(frozen=True)

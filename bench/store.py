@@ -8,6 +8,7 @@ A results folder holds::
         weights.safetensors     what it learnt; diagnostics.safetensors: what is worth a look
         eval-<split>-<physics>-<controller>.parquet     one row an episode
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
+    failures/                   why there is no result yet, one file each
     damaged/                    what did not pass its check, set aside
 
 Whatever exists is complete: it was written under another name, flushed to the disk and renamed.
@@ -183,7 +184,29 @@ class Store:
                     rows.append(_row(folder, record, table))
         return pd.DataFrame(rows)
 
+    # Failures
+    def add_failure(self, label: str, reason: str, traceback: str) -> None:
+        """Notes why there is no result of that label, and how often it was tried."""
+        path = self._failure(label)
+        tries = json.loads(path.read_bytes())["tries"] if path.exists() else 0
+        entry = {"label": label, "tries": tries + 1, "reason": reason, "traceback": traceback}
+        path.parent.mkdir(exist_ok=True)
+        self._write(path, json.dumps(entry, indent=2).encode())
+
+    def clear_failure(self, label: str) -> None:
+        """Forgets an earlier failure, now that there is a result."""
+        self._failure(label).unlink(missing_ok=True)
+
+    def failures(self) -> list[dict[str, Any]]:
+        """Returns what has failed and has no result yet: label, tries, reason, traceback."""
+        paths = sorted((self.folder / "failures").glob("*.json"))
+        return [json.loads(path.read_bytes()) for path in paths]
+
     # Writing
+    def _failure(self, label: str) -> Path:
+        name = hashlib.sha256(label.encode()).hexdigest()[:KEY_DIGITS]
+        return self.folder / "failures" / f"{name}.json"
+
     def _cell(self, fit: Fit) -> Path:
         return self.cells / f"{fit.label}-{fit.key[:KEY_DIGITS]}"
 

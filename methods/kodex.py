@@ -10,7 +10,7 @@ There is nothing random in it and nothing to tune but the observables.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -31,6 +31,10 @@ class KodexConfig:
     """Directions of G below this multiple of p eps of its largest are noise, in pinv(G)."""
 
 
+LIFTING_VARIANTS = ("described", "set_1", "set_2", "set_4")
+"""The variants that differ in their set of observables; the third set is the one described."""
+
+
 class Kodex(MotionMethod):
     """The Koopman operator K (p, p) and what follows from it."""
 
@@ -41,6 +45,14 @@ class Kodex(MotionMethod):
     default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("tool", "door", "relocation", "reorientation"), "single"
     )
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "described": {},
+        "set_1": {"observables": 1},
+        "set_2": {"observables": 2},
+        "set_4": {"observables": 4},
+        "cutoff_x10": {"cutoff": 10.0},
+        "cutoff_x01": {"cutoff": 0.1},
+    }
     deterministic = True
 
     def __init__(self, config: KodexConfig, layout: Layout) -> None:

@@ -13,6 +13,7 @@ from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, key
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.physics import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
 TRAINING = 200
@@ -57,14 +58,26 @@ class Recorder:
         return Demos(self._simulator.starts[rows], states, velocities, actions)
 
 
-def record(task: Task, starts: Starts, policy: Policy, threads: int = 0) -> tuple[BoolArray, Demos]:
-    """Returns from which starts (B,) a policy succeeded, and what it did there."""
+def record(
+    task: Task,
+    starts: Starts,
+    policy: Policy,
+    physics: str = NOMINAL,
+    threads: int = 0,
+    failures: bool = False,
+) -> tuple[BoolArray, Demos]:
+    """Returns from which starts (B,) a policy succeeded, and what it did there.
+
+    With failures, what it did in vain is recorded too, but for episodes that diverged.
+    """
     success, found = [], []
     for first in range(0, len(starts), CHUNK):
         recorder = Recorder(policy)
-        episodes = rollout(task, starts[first : first + CHUNK], recorder, threads=threads)
+        part = starts[first : first + CHUNK]
+        episodes = rollout(task, part, recorder, physics, threads=threads)
         success.append(episodes.success)
-        found.append(recorder.finish(np.flatnonzero(episodes.success)))
+        kept = ~episodes.diverged if failures else episodes.success
+        found.append(recorder.finish(np.flatnonzero(kept)))
     return np.concatenate(success), _join(found)
 
 
@@ -97,7 +110,7 @@ def make_demos(task: Task, expert: Policy, n: int, threads: int = 0) -> Demos:
             )
         starts = task.sample("demo", tried + _BLOCK)[tried:]
         tried += _BLOCK
-        found.append(record(task, starts, expert, threads)[1])
+        found.append(record(task, starts, expert, threads=threads)[1])
     return _join(found)[:n]
 
 

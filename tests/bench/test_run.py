@@ -10,12 +10,15 @@ import sys
 import time
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 
-from bench.experiments import cells_of
+from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
 from bench.presets import get_preset
 from bench.run import run
 from bench.store import Store
+from methods import registry
+from methods.kodex import Kodex
 from tasks.errors import InputError
 
 
@@ -37,17 +40,19 @@ class TestInProcess:
     ):
         out = tmp_path / "results"
         code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
-        # One controller, one fit, and KODex on two splits and the expert on one.
-        assert (code, said) == (0, f"5 jobs done, 3 cells complete in {out}\n")
+        # One controller, one fit, KODex on three splits and the expert on two.
+        assert (code, said) == (0, f"7 results computed, 5 cells in {out}\n")
         frame = Store(out).frame().set_index(["method", "split"])
         assert dict(frame.episodes) == {
+            ("expert", "ood"): 20,
             ("expert", "test"): 20,
+            ("kodex", "ood"): 20,
             ("kodex", "test"): 20,
             ("kodex", "validation"): 2,
         }
         before = files_of(out)
         code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
-        assert (code, said) == (0, f"0 jobs done, 3 cells complete in {out}\n")
+        assert (code, said) == (0, f"0 results computed, 5 cells in {out}\n")
         assert files_of(out) == before
 
     def test_more_episodes_extend_what_is_there(self, task, smoke, tmp_path, monkeypatch):
@@ -65,15 +70,17 @@ class TestInProcess:
         before = files_of(tmp_path)
         path = next(tmp_path.glob("cells/door-kodex*/weights.safetensors"))
         path.write_bytes(path.read_bytes()[:-1])
-        # The fit and both evaluations of it.
-        assert run(study, tmp_path, jobs=1).done == 3
+        # The fit and all three evaluations of it.
+        assert run(study, tmp_path, jobs=1).done == 4
         assert files_of(tmp_path) == before
         assert "set aside" in capsys.readouterr().err
 
     def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
         out = ("--out", str(tmp_path), "--jobs", "1")
         bench("run", "smoke", *out)
-        assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith("3 jobs")
+        assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith(
+            "4 results"
+        )
         config = json.loads(Store(tmp_path).frame().config.map(json.dumps).iloc[-1])
         assert config == {"observables": 1, "cutoff": 1.0}
 
@@ -107,7 +114,7 @@ class TestInProcess:
             (("smoke", "--tasks", "dor"), "did you mean 'door'"),
             (("smoke", "--methods", "kodx"), "did you mean 'kodex'"),
             (("smoke", "--sizes", "singel"), "did you mean 'single'"),
-            (("smoke", "--variants", "describd"), "did you mean 'described'"),
+            (("smoke", "--variants", "publishd"), "choose from described"),
             (("smoke", "--experiments", "suces"), "did you mean 'success'"),
             (("smoke", "--seeds", "x"), "--seeds takes a number"),
             (("smoke", "--seeds", "0"), "--seeds takes a number"),
@@ -173,9 +180,75 @@ def test_experts_are_evaluated_once_for_all_methods():
     cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
     places = [(cell.fit.key, cell.evaluation.name) for cell in cells]
     assert len(places) == len(set(places))
-    assert sum(cell.fit.method == "expert" for cell in cells) == len(study.tasks)
+    experts = [cell for cell in cells if cell.fit.method == "expert"]
+    assert len({cell.fit.key for cell in experts}) == len(study.tasks)
 
 
 def test_unknown_experiments_are_refused():
     with pytest.raises(InputError, match="did you mean 'success'"):
         cells_of(replace(get_preset("smoke"), episodes={"sucess": 1}), {"door": ""})
+
+
+def test_the_size_that_does_best_on_validation_is_chosen_and_ties_go_to_the_smaller():
+    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex", "nn", "lstm"))
+    rows = [("nn", "small", 1, 10), ("nn", "small", 2, 20), ("nn", "median", 1, 25)]
+    rows += [("nn", "median", 2, 5), ("nn", "large", 1, 14), ("lstm", "large", 1, 3)]
+    frame = pd.DataFrame(rows, columns=["method", "size", "seed", "successes"]).assign(
+        task="door", split="validation", variant="described", demos=200, episodes=50
+    )
+    other = frame.assign(split="test", successes=50)
+    chosen = chosen_sizes(study, pd.concat([other, frame]))
+    assert chosen == {("door", "nn"): "small", ("door", "lstm"): "large"}
+
+
+def test_robustness_pairs_each_variation_with_both_controllers():
+    study = replace(get_preset("paper"), tasks=("tool",), episodes={"robustness": 200})
+    cells = cells_of(study, {"tool": "recipe"})
+    for_kodex = [cell for cell in cells if cell.fit.method == "kodex"]
+    assert len(for_kodex) == 1 + 4 * 2
+    tuned = {cell.controller.key for cell in for_kodex if cell.evaluation.controller == "tuned"}
+    assert len(tuned) == 4
+    assert sum(cell.fit.method == "expert" for cell in cells) == 5
+    assert {cell.evaluation.split for cell in cells} == {"test"}
+
+
+def test_the_paper_has_every_experiment_and_shares_cells():
+    study = get_preset("paper")
+    recipes = dict.fromkeys(study.tasks, "recipe")
+    assert list(study.episodes) == list(EXPERIMENTS)
+    apart = sum(len(EXPERIMENTS[name](study, recipes, {})) for name in study.episodes)
+    assert len(cells_of(study, recipes)) < apart
+    sets = {c.fit.variant for c in cells_of(study, recipes) if c.fit.method == "kodex"}
+    assert {"described", "set_1", "set_2", "set_4", "cutoff_x10"} <= sets
+
+
+class Failing(Kodex):
+    name = "failing"
+    version = 7
+    deterministic = False
+
+    def fit(self, demos, validation, seed):
+        if seed == 2:
+            raise ZeroDivisionError("seed two never works")
+        super().fit(demos, validation, seed)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_failure_is_noted_and_the_rest_goes_on(task, smoke, bench, tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "_CLASSES", registry._CLASSES | {"failing": "Failing"})
+    monkeypatch.setattr("methods.kodex.Failing", Failing, raising=False)
+    monkeypatch.setattr(registry, "import_module", lambda name: sys.modules["methods.kodex"])
+    registry.get_method.cache_clear()
+    options = ("--methods", "failing", "--experiments", "success", "--seeds", "3", "--jobs", "1")
+    for tries in (1, 2):
+        code, _, error = bench("run", "smoke", *options, "--out", str(tmp_path))
+        assert code == 3
+        assert "failing-described-single-n6-s2: ZeroDivisionError: seed two never works" in error
+        (failure,) = Store(tmp_path).failures()
+        assert failure["tries"] == tries
+        assert "in fit" in failure["traceback"]
+    assert set(Store(tmp_path).frame().seed) == {0, 1, 3}
+    monkeypatch.setattr(Failing, "fit", Kodex.fit)
+    assert bench("run", "smoke", *options, "--out", str(tmp_path))[0] == 0
+    assert Store(tmp_path).failures() == []
+    registry.get_method.cache_clear()
