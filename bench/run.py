@@ -257,7 +257,7 @@ def fit_job(
         return [result for fit in fits for result in fit_job([fit], demos, validation)]
     seconds = (time.perf_counter() - began) / len(fits)
     return [
-        (one.parameters(), one.diagnostics() | imitation_error(one, validation), seconds)
+        (one.parameters(), {**one.diagnostics(), **imitation_error(one, validation)}, seconds)
         for one in fitted
     ]
 

@@ -91,6 +91,11 @@ class Store:
         """Returns what a stored fit has learnt."""
         return load((self._cell(fit) / "weights.safetensors").read_bytes())
 
+    def diagnostics(self, folder: str) -> Parameters:
+        """Returns the diagnostics of the fit in a folder that `frame` names."""
+        path = self.cells / folder / "diagnostics.safetensors"
+        return load(path.read_bytes()) if path.exists() else {}
+
     # Controllers
     def has_controller(self, controller: ControllerSpec) -> bool:
         """Whether the controller is there; one that is damaged is set aside."""

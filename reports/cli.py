@@ -10,10 +10,10 @@ def report(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
 ) -> None:
     """Write the tables and figures of stored results into FOLDER/report."""
-    from bench.store import Store
+    from reports.results import Results
     from reports.write import write_report
 
-    written = write_report(Store(folder).frame(), folder / "report")
+    written = write_report(Results(folder), folder / "report")
     for path in written:
         print(path.read_text())
     print(f"{len(written)} exhibit(s) in {folder / 'report'}")

@@ -1,4 +1,4 @@
-"""How every figure looks: one colour and one mark per method, legible in greyscale."""
+"""How every figure looks: one colour and one hatch per method, legible in greyscale."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,29 +7,41 @@ from typing import Any
 import matplotlib as mpl
 import seaborn as sns
 
-METHOD_NAMES = {
+NAMES = {
     "expert": "Expert",
     "kodex": "KODex",
     "nn": "NN",
     "lstm": "LSTM",
     "ndp": "NDP",
     "ngf": "NGF",
-}
-TASK_NAMES = {
     "tool": "Tool",
     "door": "Door",
     "relocation": "Relocation",
     "reorientation": "Reorientation",
 }
-PUBLISHED = "#555555"
-_COLOURS = sns.color_palette("colorblind").as_hex()
+TASKS = ("tool", "door", "relocation", "reorientation")
+METHODS = ("expert", "kodex", "nn", "lstm", "ndp", "ngf")
+PUBLISHED = "#222222"
+MARKS = ("", "///", "...", "\\\\\\", "xx", "--", "++")
+_COLOURS = ("#4c4c4c", *sns.color_palette("colorblind").as_hex())
 
 
-def colour(method: str) -> str:
-    """Returns the colour of a method, everywhere the same; others share the rest."""
-    known = list(METHOD_NAMES)
-    place = known.index(method) if method in known else len(known)
-    return str(_COLOURS[place % len(_COLOURS)])
+def display(name: str) -> str:
+    """Returns how a name is written for people."""
+    return NAMES.get(name, str(name).replace("_", " "))
+
+
+def colour(row: str, place: int) -> str:
+    """Returns the colour of a method, everywhere the same; of other rows, by their place."""
+    method = row.split()[0]
+    index = METHODS.index(method) if method in METHODS else place + 1
+    return _COLOURS[index % len(_COLOURS)]
+
+
+def ordered(names: Any, order: tuple[str, ...]) -> list[str]:
+    """Returns the names that occur, in the given order, others after them."""
+    found = list(dict.fromkeys(names))
+    return [name for name in order if name in found] + sorted(set(found) - set(order))
 
 
 @contextmanager
@@ -38,11 +50,9 @@ def style() -> Iterator[None]:
     settings: dict[Any, Any] = {
         **sns.axes_style("whitegrid"),
         "font.size": 10,
-        "axes.titlesize": 11,
         "figure.dpi": 150,
         "savefig.bbox": "tight",
         "svg.hashsalt": "kodex-bench",
-        "svg.fonttype": "path",
         "axes.spines.top": False,
         "axes.spines.right": False,
     }

@@ -1,54 +1,76 @@
 """Write exhibits: tables as CSV, Markdown and LaTeX, figures as PNG, PDF and SVG."""
 
+from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 import pandas as pd
 
-from reports import table_1
+from reports.exhibit import Exhibit
+from reports.results import Results
 from reports.style import style
 
-EXHIBITS: tuple[ModuleType, ...] = (table_1,)
-"""Each has NAME, TITLE, table(frame), figure(table), caption(table)."""
+MODULES = (
+    "unseen",
+    *(f"table_{number}" for number in range(1, 7)),
+    "figure_5",
+    *(f"table_{number}" for number in range(7, 12)),
+    "figure_6",
+    "figure_7",
+    "table_12",
+    "efficiency",
+    "audit",
+)
+"""One file each, in the order of the page."""
 
 _DATED = {"png": (), "pdf": ("CreationDate",), "svg": ("Date",)}
 """File endings of figures, and what each would say of the time: it must not."""
 
 
-def write_report(frame: pd.DataFrame, folder: Path) -> list[Path]:
-    """Writes every exhibit that the stored evaluations have rows for; returns the tables' paths.
+def exhibits() -> list[Exhibit]:
+    """Returns all exhibits, in the order of the page."""
+    return [import_module(f"reports.{name}").EXHIBIT for name in MODULES]
+
+
+def write_report(results: Results, folder: Path) -> list[Path]:
+    """Writes every exhibit that there are results for; returns the Markdown tables' paths.
 
     Args:
-        frame: stored evaluations, as `bench.store.Store.frame` gives them.
+        results: of a run.
         folder: gets ``tables/`` and ``figures/``.
     """
     written = []
-    for exhibit in EXHIBITS:
-        table = exhibit.table(frame)
+    for exhibit in exhibits():
+        table = exhibit.table(results)
         if len(table):
-            _write_figure(exhibit, table, folder / "figures")
             written.append(_write_table(exhibit, table, folder / "tables"))
+            if exhibit.axis:
+                _write_figure(exhibit, table, folder / "figures")
     return written
 
 
-def _write_table(exhibit: ModuleType, table: pd.DataFrame, folder: Path) -> Path:
+def _write_table(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    caption = exhibit.caption(table)
-    table.to_csv(folder / f"{exhibit.NAME}.csv", index=False)
-    markdown = table.to_markdown(index=False, floatfmt=".1f")
-    path = folder / f"{exhibit.NAME}.md"
-    path.write_text(f"## {exhibit.TITLE}\n\n{markdown}\n\n{caption}\n")
-    latex = table.style.hide(axis="index").format(precision=1, escape="latex")
+    caption, wide = exhibit.caption(table), exhibit.wide(table)
+    table.to_csv(folder / f"{exhibit.name}.csv", index=False)
+    path = folder / f"{exhibit.name}.md"
+    markdown = wide.to_markdown(index=False, disable_numparse=True)
+    path.write_text(f"## {exhibit.title}\n\n{markdown}\n\n{caption}\n")
+    latex = wide.style.hide(axis="index").format(escape="latex")
     latex.format_index(escape="latex", axis="columns")
-    (folder / f"{exhibit.NAME}.tex").write_text(
-        latex.to_latex(hrules=True, position_float="centering", label=exhibit.NAME, caption=caption)
+    text = latex.to_latex(
+        hrules=True, position_float="centering", label=exhibit.name, caption=_escape(caption)
     )
+    (folder / f"{exhibit.name}.tex").write_text(text.replace("±", r"$\pm$"))
     return path
 
 
-def _write_figure(exhibit: ModuleType, table: pd.DataFrame, folder: Path) -> None:
+def _escape(text: str) -> str:
+    return text.replace("%", r"\%").replace("_", r"\_")
+
+
+def _write_figure(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with style():
-        figure = exhibit.figure(table)
+        figure = exhibit.draw(table)
         for ending, dated in _DATED.items():
-            figure.savefig(folder / f"{exhibit.NAME}.{ending}", metadata=dict.fromkeys(dated))
+            figure.savefig(folder / f"{exhibit.name}.{ending}", metadata=dict.fromkeys(dated))

@@ -90,12 +90,12 @@ class TestInProcess:
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         code, said, _ = bench("report", str(tmp_path))
         assert code == 0
-        assert "| Door" in said
+        assert "| KODex |" in said
         folder = tmp_path / "report"
         header, row = (folder / "tables/table_1.csv").read_text().splitlines()
-        assert header == "task,success [%],low [%],high [%],n,diverged,published [%]"
-        assert row.split(",")[0] == "Door"
-        assert row.split(",")[4:] == ["2", "0", "96.0"]
+        assert header.startswith("row,column,value,spread,low,high,seeds,n,diverged,published,")
+        assert row.split(",")[:2] == ["kodex", "door"]
+        assert row.split(",")[6:10] == ["1", "2", "0", "96.0"]
         assert r"\toprule" in (folder / "tables/table_1.tex").read_text()
         for ending in ("png", "pdf", "svg"):
             assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
@@ -153,9 +153,10 @@ def uninterrupted(tmp_path_factory):
 
 
 def report(folder):
+    from reports.results import Results
     from reports.write import write_report
 
-    write_report(Store(folder).frame(), folder / "report")
+    write_report(Results(folder), folder / "report")
     return files_of(folder)
 
 

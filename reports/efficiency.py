@@ -1,0 +1,57 @@
+"""Sample efficiency: success against the number of demonstrations."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from reports.exhibit import Exhibit
+from reports.results import Results, rates
+from reports.style import METHODS, TASKS, colour, display, ordered
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each method and number of demonstrations, and a column for each task."""
+    found = results.select(split="test")
+    found = found[(found.method != "expert")]
+    if found.empty or found.demos.nunique() < 2:
+        return pd.DataFrame(columns=["row", "column", "value"])
+    success = rates(found, ["method", "demos", "task"])
+    order = {name: place for place, name in enumerate(ordered(success.method, METHODS))}
+    success = success.sort_values(["method", "demos"], key=lambda c: c.map(order).fillna(c))
+    label = success.method + " " + success.demos.astype(str)
+    return success.assign(row=label).rename(columns={"task": "column"})
+
+
+def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns one panel a task, one line a method, with intervals."""
+    tasks = [task for task in TASKS if task in set(table.column)]
+    drawing = Figure(figsize=(2.5 * len(tasks) + 0.8, 2.9), layout="constrained")
+    panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
+    for axes, task in zip(panels, tasks, strict=True):
+        for place, method in enumerate(table.method.drop_duplicates()):
+            part = table[(table.column == task) & (table.method == method)]
+            errors = np.maximum([part.value - part.low, part.high - part.value], 0)
+            axes.errorbar(
+                part.demos,
+                part.value,
+                errors,
+                marker="o^sDvP"[place % 6],
+                ms=4,
+                lw=1.2,
+                capsize=2,
+                color=colour(method, place),
+                label=display(method),
+            )
+        axes.set(title=display(task), xlabel="demonstrations", ylim=(0, 105))
+    panels[0].set_ylabel("success [%]")
+    panels[-1].legend(frameon=False, fontsize=8)
+    return drawing
+
+
+EXHIBIT = Exhibit(
+    name="efficiency",
+    title="Sample efficiency",
+    about="Success [%] on unseen starts against the number of demonstrations.",
+    table=table,
+    figure=figure,
+)

@@ -1,0 +1,130 @@
+"""An exhibit: a table of values by row and column, its figure and its caption."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from reports.paper import published
+from reports.results import Results, rates
+from reports.style import MARKS, PUBLISHED, colour, display
+
+COLUMNS = ["row", "column", "value", "low", "high", "spread", "seeds", "n", "diverged"]
+FROM_PAPER = ["published", "published spread", "note"]
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """One table or figure of the appendix, or of this suite."""
+
+    name: str
+    title: str
+    about: str
+    """What the values are, for the caption."""
+    table: Callable[[Results], pd.DataFrame]
+    """Returns rows of ``row``, ``column``, ``value`` and what else is known of each value."""
+    unit: str = "%"
+    digits: int | None = 1
+    """Behind the point; none for as many as it takes."""
+    axis: str = "success [%]"
+    figure: Callable[[pd.DataFrame, "Exhibit"], Figure] | None = field(default=None)
+    """Draws the table; bars by column and row unless told."""
+
+    def draw(self, table: pd.DataFrame) -> Figure:
+        """Returns the figure of a table."""
+        return (self.figure or bars)(table, self)
+
+    def caption(self, table: pd.DataFrame) -> str:
+        """Returns what a reader must know of the values."""
+        said = [self.about]
+        if "n" in table and table.n.notna().any():
+            said.append(f"n = {_range(table.n)} episodes of each fit.")
+        if "seeds" in table and table.seeds.notna().any():
+            said.append(
+                f"Seeds: {_range(table.seeds)}. Intervals are 95%: Wilson's for a single fit, else"
+                " the percentile bootstrap over seeds and episodes."
+            )
+        if "diverged" in table and table.diverged.sum():
+            said.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
+        if "published" in table and table.published.notna().any():
+            said.append("Diamonds, and numbers in parentheses, are the paper's.")
+        return " ".join(said)
+
+    def wide(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Returns the table for people: one line a row, one text a cell."""
+        texts = table.assign(text=[self._text(row) for row in table.to_dict("records")])
+        order = {name: texts[name].drop_duplicates().tolist() for name in ("row", "column")}
+        wide = texts.pivot(index="row", columns="column", values="text")
+        wide = wide.reindex(index=order["row"], columns=order["column"]).fillna("-")
+        wide.index = pd.Index([display(name) for name in wide.index], name="")
+        wide.columns = pd.Index([display(name) for name in wide.columns])
+        return wide.reset_index()
+
+    def _text(self, row: dict[str, float]) -> str:
+        def number(value: float) -> str:
+            return f"{value:g}" if self.digits is None else f"{value:.{self.digits}f}"
+
+        text = number(row["value"]) if np.isfinite(row["value"]) else "-"
+        if np.isfinite(row.get("spread", np.nan)):
+            text += f" ± {number(row['spread'])}"
+        if np.isfinite(row.get("low", np.nan)):
+            text += f" [{number(row['low'])}, {number(row['high'])}]"
+        if np.isfinite(row.get("published", np.nan)):
+            spread = row.get("published spread", np.nan)
+            more = f" ± {number(spread)}" if np.isfinite(spread) else ""
+            text += f" ({number(row['published'])}{more})"
+        return text
+
+
+def success_table(evaluations: pd.DataFrame, row: str, column: str) -> pd.DataFrame:
+    """Returns success [%] by two columns of the evaluations, which become row and column."""
+    return rates(evaluations, [row, column]).rename(columns={row: "row", column: "column"})
+
+
+def with_published(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Returns the table with the paper's values beside it; rows of the paper alone are left out."""
+    paper = published(name).rename(columns={"value": "published", "spread": "published spread"})
+    return table.merge(paper[["row", "column", *FROM_PAPER]], on=["row", "column"], how="left")
+
+
+def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns bars with intervals, grouped by column, one colour a row, the paper's as diamonds."""
+    rows, columns = (table[name].drop_duplicates().tolist() for name in ("row", "column"))
+    width = min(0.8 / len(rows), 0.3)
+    drawing = Figure(figsize=(max(4.5, 0.9 + 0.28 * len(rows) * len(columns)), 3.2))
+    axes = drawing.subplots()
+    for i, row in enumerate(rows):
+        part = table[table.row == row].set_index("column").reindex(columns)
+        x = np.arange(len(columns)) + (i - (len(rows) - 1) / 2) * width
+        errors = None
+        if "low" in part and part.low.notna().any():
+            errors = np.maximum([part.value - part.low, part.high - part.value], 0)
+        axes.bar(
+            x,
+            part.value,
+            0.92 * width,
+            yerr=errors,
+            capsize=2,
+            label=display(row),
+            color=colour(row, i),
+            hatch=MARKS[i % len(MARKS)],
+            edgecolor="white",
+            error_kw={"lw": 0.9},
+        )
+        if "published" in part and part.published.notna().any():
+            label = "published" if i == len(rows) - 1 else None
+            axes.plot(x, part.published, "D", ms=4, color=PUBLISHED, mec="white", label=label)
+    axes.set_xticks(range(len(columns)), [display(name) for name in columns])
+    axes.set(ylabel=exhibit.axis)
+    if exhibit.unit == "%":
+        axes.set_ylim(0, 105)
+    axes.grid(axis="x", visible=False)
+    axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
+    return drawing
+
+
+def _range(values: pd.Series) -> str:
+    low, high = int(values.min()), int(values.max())
+    return f"{low:,}" if low == high else f"{low:,} to {high:,}"

@@ -1,0 +1,50 @@
+"""Figure 7: how often eigenvalue magnitudes of K occur."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from reports.exhibit import Exhibit
+from reports.results import Results
+from reports.style import colour, display
+from reports.table_12 import magnitudes
+
+EDGES = np.linspace(0, 1.1, 23)
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each interval of magnitudes and a column for each task: how many."""
+    rows = []
+    for task, values in magnitudes(results).items():
+        counts, _ = np.histogram(values, EDGES)
+        rows += [
+            {"row": f"{low:.2f} to {low + EDGES[1]:.2f}", "column": task, "value": float(count)}
+            for low, count in zip(EDGES[:-1], counts, strict=True)
+        ]
+    return pd.DataFrame(rows, columns=["row", "column", "value"])
+
+
+def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns one histogram a task."""
+    tasks = table.column.drop_duplicates().tolist()
+    drawing = Figure(figsize=(2.4 * len(tasks) + 0.6, 2.6), layout="constrained")
+    panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
+    for place, (axes, task) in enumerate(zip(panels, tasks, strict=True)):
+        counts = table[table.column == task].value
+        axes.stairs(counts, EDGES, fill=True, color=colour(task, place))
+        axes.axvline(1, color="black", lw=0.8, ls="--")
+        axes.set(title=display(task), xlabel="magnitude")
+    panels[0].set_ylabel("eigenvalues")
+    return drawing
+
+
+EXHIBIT = Exhibit(
+    name="figure_7",
+    title="Figure 7: eigenvalue magnitudes",
+    about="Eigenvalues of K by magnitude; beyond the dashed line at 1 a mode grows. Published:"
+    " figure only.",
+    table=table,
+    unit="",
+    digits=0,
+    figure=figure,
+)

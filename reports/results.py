@@ -1,0 +1,88 @@
+"""What the exhibits are made from: stored evaluations and diagnostics, summed up."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bench.store import Store
+from methods.base import Parameters
+from reports.stats import rate_interval
+
+SIZES = ("small", "median", "large")
+
+
+class Results:
+    """The results folder of a run, read."""
+
+    def __init__(self, folder: Path) -> None:
+        self._store = Store(folder)
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """One row for each stored evaluation, see `bench.store.Store.frame`."""
+        return self._store.frame()
+
+    def diagnostics(self, folder: str) -> Parameters:
+        """Returns the diagnostics of the fit in a folder that the frame names."""
+        return self._store.diagnostics(folder)
+
+    def select(self, **values: object) -> pd.DataFrame:
+        """Returns the evaluations with these values; nominal physics and variants unless told."""
+        wanted = {"variant": "described", "physics": "nominal"} | values
+        frame = self.frame
+        if frame.empty:
+            return pd.DataFrame(columns=["task", "method", "size", "demos", *wanted])
+        keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
+        return frame[keep]
+
+    def main(self, **values: object) -> pd.DataFrame:
+        """Returns the evaluations of the experiments after `sizes`.
+
+        That is, of each method at its chosen size on the most demonstrations that it has seen.
+        """
+        found = self.select(**values)
+        if found.empty:
+            return found
+        most = found.groupby(["task", "method"]).demos.transform("max")
+        found = found[found.demos == most]
+        best = [self._best_size(part) for _, part in found.groupby(["task", "method"])]
+        return found[found["size"] == pd.concat(best).reindex(found.index)]
+
+    def _best_size(self, found: pd.DataFrame) -> pd.Series:
+        """The size that does best from validation starts, where several were evaluated."""
+        there = found["size"].unique()
+        sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
+        task, method = found.task.iloc[0], found.method.iloc[0]
+        compared = self.select(task=task, method=method, split="validation")
+        rates = (compared.successes / compared.episodes).groupby(compared["size"]).mean()
+        best = max(sizes, key=lambda size: rates.get(size, -1.0))
+        return pd.Series(best, index=found.index)
+
+
+def rates(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Returns one row for each group: success over its seeds, in per cent.
+
+    Columns: those of by, ``value`` the mean, ``spread`` the population standard deviation over
+    seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each, ``diverged``.
+    """
+    rows = []
+    for names, group in evaluations.groupby(list(by), sort=False):
+        share = 100 * group.successes / group.episodes
+        low, high = rate_interval(group.successes.to_numpy(), group.episodes.to_numpy(), names)
+        rows.append(
+            dict(zip(by, names, strict=True))
+            | {
+                "value": share.mean(),
+                "spread": share.std(ddof=0) if len(share) > 1 else np.nan,
+                "low": 100 * low,
+                "high": 100 * high,
+                "seeds": len(share),
+                "n": int(group.episodes.min()),
+                "diverged": int(group.diverged.sum()),
+            }
+        )
+    columns = [*by, "value", "spread", "low", "high", "seeds", "n", "diverged"]
+    return pd.DataFrame(rows, columns=columns)

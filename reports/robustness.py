@@ -1,0 +1,41 @@
+"""What Tables 7 to 10 share: success of one task in changed physics."""
+
+import pandas as pd
+
+from reports.exhibit import Exhibit, success_table, with_published
+from reports.results import Results
+from reports.style import METHODS, display, ordered
+
+VARIATIONS = ("nominal", "heavy_object", "light_object", "light_hand", "heavy_hand")
+
+
+def robustness_exhibit(number: int, task: str) -> Exhibit:
+    """Returns the exhibit of one task."""
+    name = f"table_{number}"
+
+    def table(results: Results) -> pd.DataFrame:
+        varied = [results.main(task=task, split="test", physics=v) for v in VARIATIONS[1:]]
+        found = pd.concat(varied)
+        if found.empty:
+            return found.assign(row=[], column=[], value=[])
+        episodes = found.episodes.min()
+        same = results.main(task=task, split="test")
+        found = pd.concat([same[same.episodes == episodes], found])
+        label = found.method.where(
+            found.controller == "none", found.method + " " + found.controller
+        )
+        success = success_table(found.assign(label=label), "label", "physics")
+        rows = [f"{m} {c}" for c in ("original", "tuned") for m in METHODS[1:]]
+        order = {row: place for place, row in enumerate(ordered(success.row, ("expert", *rows)))}
+        success = success.sort_values("row", key=lambda row: row.map(order), kind="stable")
+        return with_published(success, name)
+
+    return Exhibit(
+        name=name,
+        title=f"Table {number}: robustness to changed physics, {display(task)}",
+        about=(
+            f"Success [%] on {display(task)} in changed physics, with the original controller and"
+            " with one tuned on the expert's rollouts there."
+        ),
+        table=table,
+    )

@@ -1,0 +1,31 @@
+"""Table 11: the number of observables in each set."""
+
+import pandas as pd
+
+from reports.exhibit import Exhibit, with_published
+from reports.results import Results
+
+SETS = {"set_1": "set 1", "set_2": "set 2", "described": "set 3", "set_4": "set 4"}
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each set and a column for each task."""
+    rows = []
+    for variant, name in SETS.items():
+        found = results.main(method="kodex", variant=variant)
+        for task, part in found.groupby("task", sort=False):
+            values = results.diagnostics(part.folder.iloc[0])["eigenvalues"]
+            rows.append({"row": name, "column": task, "value": float(len(values))})
+    table = pd.DataFrame(rows, columns=["row", "column", "value"])
+    return with_published(table, "table_11")
+
+
+EXHIBIT = Exhibit(
+    name="table_11",
+    title="Table 11: number of observables",
+    about="Dimension p of the lifted state, as fitted.",
+    table=table,
+    unit="",
+    digits=0,
+    axis="observables",
+)

@@ -1,0 +1,36 @@
+"""Table 12: the largest eigenvalue magnitude of K."""
+
+import numpy as np
+import pandas as pd
+
+from reports.exhibit import Exhibit, with_published
+from reports.results import Results
+
+
+def magnitudes(results: Results) -> dict[str, np.ndarray]:
+    """Returns by task the magnitudes of the eigenvalues of K (p,), of KODex as described."""
+    found = results.main(method="kodex").drop_duplicates("task")
+    return {
+        row.task: np.hypot(*results.diagnostics(row.folder)["eigenvalues"].T)
+        for row in found.itertuples()
+    }
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns one row, KODex, and a column for each task."""
+    rows = [
+        {"row": "kodex", "column": task, "value": float(values.max())}
+        for task, values in magnitudes(results).items()
+    ]
+    return with_published(pd.DataFrame(rows, columns=["row", "column", "value"]), "table_12")
+
+
+EXHIBIT = Exhibit(
+    name="table_12",
+    title="Table 12: largest eigenvalue magnitude",
+    about="Largest magnitude of an eigenvalue of K; above 1 the linear model is unstable.",
+    table=table,
+    unit="",
+    digits=5,
+    axis="largest magnitude",
+)
