@@ -189,6 +189,13 @@ class Store:
                     rows.append(_row(folder, record, table))
         return pd.DataFrame(rows)
 
+    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
+        """Returns start, success, diverged and steps of each episode of a row of `frame`."""
+        name = "eval-{split}-{physics}-{controller}.parquet".format(**row)
+        columns = ["start", "success", "diverged", "steps"]
+        frame: pd.DataFrame = pd.read_parquet(self.cells / row["folder"] / name, columns=columns)
+        return frame
+
     # Failures
     def add_failure(self, label: str, reason: str, traceback: str) -> None:
         """Notes why there is no result of that label, and how often it was tried."""

@@ -44,7 +44,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
             )
         axes.set(title=display(task), xlabel="demonstrations", ylim=(0, 105))
     panels[0].set_ylabel("success [%]")
-    panels[-1].legend(frameon=False, fontsize=8)
+    drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
     return drawing
 
 

@@ -93,7 +93,9 @@ def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars with intervals, grouped by column, one colour a row, the paper's as diamonds."""
     rows, columns = (table[name].drop_duplicates().tolist() for name in ("row", "column"))
     width = min(0.8 / len(rows), 0.3)
-    drawing = Figure(figsize=(max(4.5, 0.9 + 0.28 * len(rows) * len(columns)), 3.2))
+    drawing = Figure(
+        figsize=(max(0.9 + 0.28 * len(rows) * len(columns), 1.2 * len(columns), 3), 3.2)
+    )
     axes = drawing.subplots()
     for i, row in enumerate(rows):
         part = table[table.row == row].set_index("column").reindex(columns)

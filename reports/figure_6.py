@@ -44,7 +44,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 label=display(task),
             )
         axes.set(ylabel=quantity, ylim=(0, None))
-    axes.legend(frameon=False, fontsize=8)
+    drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
     return drawing
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,6 +29,24 @@ class Results:
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that the frame names."""
         return self._store.diagnostics(folder)
+
+    def first(self, evaluations: pd.DataFrame, episodes: int) -> pd.DataFrame:
+        """Returns the evaluations as they were after so many episodes."""
+        rows = []
+        for row in evaluations.to_dict("records"):
+            if row["episodes"] > episodes:
+                outcomes = self.outcomes(row).iloc[:episodes]
+                row |= {
+                    "episodes": episodes,
+                    "successes": int(outcomes.success.sum()),
+                    "diverged": int(outcomes.diverged.sum()),
+                }
+            rows.append(row)
+        return pd.DataFrame(rows, columns=evaluations.columns)
+
+    def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
+        """Returns the episodes of a row of the frame, see `bench.store.Store.outcomes`."""
+        return self._store.outcomes(row)
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values; nominal physics and variants unless told."""

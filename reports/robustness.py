@@ -18,9 +18,8 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
         found = pd.concat(varied)
         if found.empty:
             return found.assign(row=[], column=[], value=[])
-        episodes = found.episodes.min()
-        same = results.main(task=task, split="test")
-        found = pd.concat([same[same.episodes == episodes], found])
+        same = results.first(results.main(task=task, split="test"), int(found.episodes.min()))
+        found = pd.concat([same, found])
         label = found.method.where(
             found.controller == "none", found.method + " " + found.controller
         )

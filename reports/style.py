@@ -28,7 +28,8 @@ _COLOURS = ("#4c4c4c", *sns.color_palette("colorblind").as_hex())
 
 def display(name: str) -> str:
     """Returns how a name is written for people."""
-    return NAMES.get(name, str(name).replace("_", " "))
+    first, *rest = str(name).replace("_", " ").split(" ")
+    return " ".join([NAMES.get(first, first), *rest])
 
 
 def colour(row: str, place: int) -> str:

@@ -1,0 +1,127 @@
+"""Every exhibit, on made-up results of the whole paper protocol."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.experiments import cells_of
+from bench.presets import get_preset
+from reports.exhibit import Exhibit
+from reports.results import Results
+from reports.table_1 import EXHIBIT as TABLE_1
+from reports.write import exhibits, write_report
+from tasks.data import generator
+
+
+class MadeUp(Results):
+    """Results of the preset `paper` whose successes are drawn at random."""
+
+    frame = pd.DataFrame()
+
+    def __init__(self):
+        study = get_preset("paper")
+        rng = generator("made up")
+        rows = []
+        for cell in cells_of(study, dict.fromkeys(study.tasks, "recipe")):
+            counts = {
+                "episodes": cell.episodes,
+                "successes": int(rng.binomial(cell.episodes, rng.random())),
+                "diverged": int(rng.integers(2)),
+                "fit_seconds": 10 * rng.random(),
+                "folder": cell.fit.label,
+            }
+            rows.append(asdict(cell.fit) | asdict(cell.evaluation) | counts)
+        self.frame = pd.DataFrame(rows)
+
+    def outcomes(self, row):
+        success = np.arange(row["episodes"]) % 4 == 0
+        return pd.DataFrame({"success": success, "diverged": ~success & False})
+
+    def diagnostics(self, folder):
+        rng = generator(folder)
+        eigenvalues = 0.7 * rng.standard_normal((500, 2))
+        return {"eigenvalues": eigenvalues, "imitation_error": rng.random(24)}
+
+
+@pytest.fixture(scope="module")
+def results():
+    return MadeUp()
+
+
+@pytest.mark.parametrize("exhibit", exhibits(), ids=lambda exhibit: exhibit.name)
+def test_an_exhibit_has_a_table_for_people_and_a_caption(exhibit: Exhibit, results):
+    table = exhibit.table(results)
+    assert {"row", "column", "value"} <= set(table.columns)
+    assert not table.duplicated(["row", "column"]).any()
+    wide = exhibit.wide(table)
+    assert len(wide) == table.row.nunique()
+    # Of nominal physics there is no tuned controller.
+    assert not wide.drop(columns="nominal", errors="ignore").isin(["-"]).any().any()
+    assert exhibit.caption(table).endswith(".")
+
+
+EXPECTED = {
+    "unseen": (6, 4),
+    "table_1": (1, 4),
+    "table_2": (3, 4),
+    "table_5": (3, 4),
+    "figure_5": (6, 4),
+    "table_11": (4, 4),
+    "table_12": (1, 4),
+    "figure_6": (12, 4),
+    "efficiency": (5 * 6, 4),
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_rows_and_columns_are_those_of_the_paper(name, results):
+    table = next(e for e in exhibits() if e.name == name).table(results)
+    assert (table.row.nunique(), table.column.nunique()) == EXPECTED[name]
+
+
+@pytest.mark.parametrize("number", [7, 8, 9, 10])
+def test_robustness_has_the_rows_of_the_paper_a_nominal_column_and_its_numbers(number, results):
+    table = next(e for e in exhibits() if e.name == f"table_{number}").table(results)
+    methods = ["kodex", "nn", "lstm", "ndp", "ngf"]
+    rows = ["expert", *(f"{m} original" for m in methods), *(f"{m} tuned" for m in methods)]
+    assert table.row.drop_duplicates().tolist() == rows
+    assert table.column.drop_duplicates().tolist()[0] == "nominal"
+    nominal = table[table.column == "nominal"]
+    assert (nominal.value == 25).all()
+    assert set(table.n) == {200}
+    beside = table[table.column != "nominal"].published.notna().sum()
+    assert beside == (40 if number == 7 else 44)
+
+
+def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
+    table = next(e for e in exhibits() if e.name == "unseen").table(results)
+    assert ((table.low <= table.value) & (table.value <= table.high)).all()
+    assert table[table.row == "kodex"].spread.isna().all()
+    nn = results.main(split="test", method="nn", task="door")
+    expected = np.std(100 * nn.successes / nn.episodes)
+    row = table[(table.row == "nn") & (table.column == "door")].iloc[0]
+    assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 5, 10_000)
+
+
+def test_a_report_writes_each_exhibit_in_each_format(results, tmp_path):
+    written = write_report(results, tmp_path)
+    assert len(written) == len(exhibits())
+    for exhibit in exhibits():
+        for ending in ("csv", "md", "tex"):
+            assert (tmp_path / f"tables/{exhibit.name}.{ending}").stat().st_size
+    drawn = [exhibit for exhibit in exhibits() if exhibit.axis]
+    for ending in ("png", "pdf", "svg"):
+        assert len(list((tmp_path / "figures").glob(f"*.{ending}"))) == len(drawn)
+
+
+def test_what_has_no_results_has_no_exhibit(results, tmp_path):
+    some = MadeUp()
+    some.frame = results.frame[
+        (results.frame.split == "validation") & (results.frame.method == "kodex")
+    ]
+    some.frame = some.frame[some.frame.variant == "described"]
+    names = {path.stem for path in write_report(some, tmp_path)}
+    assert names == {"table_1", "table_6", "table_11", "table_12", "figure_7"}
+    assert TABLE_1.table(some).published.tolist() == [100, 96, 88, 62]
