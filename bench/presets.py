@@ -45,7 +45,7 @@ def get_preset(name: str) -> Study:
 
 
 SMALLEST = "smallest"
-REDUCED = "reduced protocol"
+REDUCED = "Reduced protocol: fewer seeds, episodes and training epochs than the paper."
 
 PRESETS = {
     "smoke": Study(

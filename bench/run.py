@@ -76,9 +76,9 @@ def run(study: Study, folder: Path, jobs: int | None = None) -> Outcome:
     with store.locked(), Progress() as progress:
         runner = _Runner(store, jobs, progress)
         compared = first_wave(study, recipes)
-        runner.compute(compared)
+        runner.compute(compared, study.note)
         cells = cells_of(study, recipes, chosen_sizes(study, store.frame()) if compared else {})
-        runner.compute(cells)
+        runner.compute(cells, study.note)
     return Outcome(folder, runner.done, len(cells), tuple(runner.failed))
 
 
@@ -108,10 +108,10 @@ class _Runner:
         self.failed: list[str] = []
         self._tried: set[str] = set()
 
-    def compute(self, cells: Sequence[Cell]) -> None:
+    def compute(self, cells: Sequence[Cell], note: str) -> None:
         """Computes what is missing of the cells, but for what this run has tried in vain."""
         if cells:
-            self.store.ask_for(cells)
+            self.store.ask_for(cells, note)
             self._controllers(cells)
             self._fits(cells)
             self._evaluations(cells)

@@ -96,6 +96,10 @@ class Store:
         path = self.cells / folder / "diagnostics.safetensors"
         return load(path.read_bytes()) if path.exists() else {}
 
+    def facts(self, folder: str) -> dict[str, Any]:
+        """Returns times, host and versions of the fit in a folder that `frame` names."""
+        return dict(json.loads((self.cells / folder / "fit.json").read_bytes())["facts"])
+
     # Controllers
     def has_controller(self, controller: ControllerSpec) -> bool:
         """Whether the controller is there; one that is damaged is set aside."""
@@ -139,16 +143,23 @@ class Store:
         self._write(path, _sealed(table.replace_schema_metadata(labels | {"seal": _UNSEALED})))
 
     # Study
-    def ask_for(self, cells: Iterable[Cell]) -> None:
-        """Notes what is asked for, beside what was before; of one label, the last asked counts."""
-        study = self.study()
+    def ask_for(self, cells: Iterable[Cell], note: str = "") -> None:
+        """Notes what is asked for, beside what was before; of one label, the last asked counts.
+
+        Args:
+            cells: whose results tables will show.
+            note: what a reader of the tables must know.
+        """
+        study, notes = self.study(), self.notes()
+        notes += [note] if note and note not in notes else []
         for cell in cells:
             entry = study.setdefault(cell.fit.label, {"key": cell.fit.key, "evaluations": {}})
             if entry["key"] != cell.fit.key:
                 entry |= {"key": cell.fit.key, "evaluations": {}}
             entry["evaluations"][cell.evaluation.name] = cell.evaluation.key(cell.fit)
         self.cells.mkdir(exist_ok=True)
-        text = json.dumps({"format": FORMAT, "fits": study}, indent=1, sort_keys=True)
+        entry = {"format": FORMAT, "notes": notes, "fits": study}
+        text = json.dumps(entry, indent=1, sort_keys=True)
         self._write(self.folder / "study.json", text.encode())
 
     def study(self) -> dict[str, Any]:
@@ -157,11 +168,22 @@ class Store:
         Raises:
             InputError: study.json is damaged.
         """
+        return dict(self._asked("fits", {}))
+
+    def notes(self) -> list[str]:
+        """Returns what a reader of the tables must know.
+
+        Raises:
+            InputError: study.json is damaged.
+        """
+        return list(self._asked("notes", []))
+
+    def _asked(self, name: str, otherwise: Any) -> Any:
         path = self.folder / "study.json"
         if not path.exists():
-            return {}
+            return otherwise
         try:
-            return dict(json.loads(path.read_bytes())["fits"])
+            return json.loads(path.read_bytes())[name]
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(
                 f"{path} is damaged ({error}): remove it and run the study again; what is stored"

@@ -26,6 +26,19 @@ class Results:
         """One row for each stored evaluation, see `bench.store.Store.frame`."""
         return self._store.frame()
 
+    @cached_property
+    def notes(self) -> list[str]:
+        """What a reader must know of the whole, such as a reduced protocol."""
+        return self._store.notes()
+
+    @cached_property
+    def provenance(self) -> list[dict[str, Any]]:
+        """The hosts and versions that the fits come from, each once."""
+        folders = self.frame.folder.unique() if len(self.frame) else []
+        facts = [self._store.facts(folder) for folder in folders]
+        origins = [{"host": one["host"], "versions": one["versions"]} for one in facts]
+        return [origin for i, origin in enumerate(origins) if origin not in origins[:i]]
+
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that the frame names."""
         return self._store.diagnostics(folder)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from reports.exhibit import Exhibit
+from reports.page import render
 from reports.results import Results
 from reports.style import style
 
@@ -36,15 +37,18 @@ def write_report(results: Results, folder: Path) -> list[Path]:
 
     Args:
         results: of a run.
-        folder: gets ``tables/`` and ``figures/``.
+        folder: gets ``index.html``, ``tables/`` and ``figures/``.
     """
+    made = {exhibit.name: exhibit.table(results) for exhibit in exhibits()}
+    tables = {name: table for name, table in made.items() if len(table)}
     written = []
     for exhibit in exhibits():
-        table = exhibit.table(results)
-        if len(table):
-            written.append(_write_table(exhibit, table, folder / "tables"))
+        if exhibit.name in tables:
+            written.append(_write_table(exhibit, tables[exhibit.name], folder / "tables"))
             if exhibit.axis:
-                _write_figure(exhibit, table, folder / "figures")
+                _write_figure(exhibit, tables[exhibit.name], folder / "figures")
+    page = render(results, tables, exhibits(), folder / "figures")
+    (folder / "index.html").write_text(page)
     return written
 
 

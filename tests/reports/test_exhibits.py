@@ -19,6 +19,8 @@ class MadeUp(Results):
     """Results of the preset `paper` whose successes are drawn at random."""
 
     frame = pd.DataFrame()
+    notes = ("made up",)
+    provenance = ()
 
     def __init__(self):
         study = get_preset("paper")
