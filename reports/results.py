@@ -11,6 +11,7 @@ import pandas as pd
 from bench.store import Store
 from methods.base import Parameters
 from reports.stats import rate_interval
+from tasks.data import BoolArray
 
 SIZES = ("small", "median", "large")
 
@@ -60,6 +61,18 @@ class Results:
     def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
         """Returns the episodes of a row of the frame, see `bench.store.Store.outcomes`."""
         return self._store.outcomes(row)
+
+    def success(self, **values: object) -> BoolArray | None:
+        """Returns success of each seed's fit from each start, (S, N), of what `main` selects.
+
+        None where there are no results; only the starts that all seeds have met are returned.
+        """
+        found = self.main(**values)
+        if found.empty:
+            return None
+        rows = found.sort_values("seed").to_dict("records")
+        outcomes = [self.outcomes(row).success.to_numpy(bool) for row in rows]
+        return np.stack([one[: min(map(len, outcomes))] for one in outcomes])
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values; nominal physics and variants unless told."""

@@ -1,9 +1,11 @@
 """Statistics of success rates."""
 
-import numpy as np
-from scipy.stats import binomtest
+from collections.abc import Sequence
 
-from tasks.data import IntArray, generator
+import numpy as np
+from scipy.stats import binomtest, trim_mean
+
+from tasks.data import BoolArray, IntArray, generator
 
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
@@ -40,3 +42,64 @@ def bootstrap(successes: IntArray, episodes: IntArray, name: object) -> tuple[fl
     means = (counts / episodes[seeds]).mean(axis=1)
     low, high = np.quantile(means, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return float(low), float(high)
+
+
+def paired_difference(
+    left: BoolArray, right: BoolArray, name: object, resamples: int = 2000
+) -> tuple[float, float, float]:
+    """Returns left minus right, and its 95% interval, of two methods on the same starts.
+
+    Both seeds and starts are drawn with replacement; the starts are the same for both methods, so
+    that what makes a start hard for both does not blur the difference. One fit, as of a method
+    without seeds, is drawn again and again.
+
+    Args:
+        left: (S, N) success of each seed's fit from each start.
+        right: (S', N) likewise of the other method.
+        name: of what is compared: the resamples are drawn for it.
+        resamples: how many.
+    """
+    rng = generator("paired difference", str(name))
+    starts = left.shape[1]
+    differences = np.empty(resamples)
+    for first in range(0, resamples, 200):
+        count = min(200, resamples - first)
+        weights = rng.multinomial(starts, np.full(starts, 1 / starts), size=count) / starts
+        means = []
+        for outcomes in (left, right):
+            rates = weights @ outcomes.T.astype(np.float64)
+            seeds = rng.integers(len(outcomes), size=(count, len(outcomes)))
+            means.append(np.take_along_axis(rates, seeds, axis=1).mean(axis=1))
+        differences[first : first + count] = means[0] - means[1]
+    low, high = np.quantile(differences, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return float(left.mean() - right.mean()), float(low), float(high)
+
+
+def mcnemar(left: BoolArray, right: BoolArray) -> float:
+    """Returns the exact p-value of McNemar's test between two fits on the same starts (N,)."""
+    only_left, only_right = int((left & ~right).sum()), int((right & ~left).sum())
+    if only_left + only_right == 0:
+        return 1.0
+    return float(binomtest(only_left, only_left + only_right).pvalue)
+
+
+def interquartile_mean(
+    outcomes: Sequence[BoolArray], name: object, resamples: int = 2000
+) -> tuple[float, float, float]:
+    """Returns the interquartile mean over tasks and seeds of success, and its 95% interval.
+
+    The bootstrap is stratified: the seeds are drawn again within each task.
+
+    Args:
+        outcomes: for each task, (S, N) success of each seed's fit from each start.
+        name: of what is estimated: the resamples are drawn for it.
+        resamples: how many.
+    """
+    rates = [task.mean(axis=1) for task in outcomes]
+    rng = generator("interquartile mean", str(name))
+    drawn = np.concatenate(
+        [task[rng.integers(len(task), size=(resamples, len(task)))] for task in rates], axis=1
+    )
+    means = trim_mean(drawn, 0.25, axis=1)
+    low, high = np.quantile(means, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return float(trim_mean(np.concatenate(rates), 0.25)), float(low), float(high)

@@ -1,0 +1,348 @@
+"""The claims of the appendix, as statements that numbers can decide, and two verdicts for each.
+
+Each claim was written down before this suite had results of its own. It is a list of contrasts
+"left minus right is above a margin". In the paper's own tables a claim holds if all its contrasts
+hold for the printed numbers. In ours, a claim is
+
+- reproduced, if the whole interval of every contrast lies on the claimed side;
+- contradicted, if the whole interval of some contrast lies on the other side;
+- undecided else; not run, where results are missing.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from reports import figure_6
+from reports.paper import published
+from reports.results import Results
+from reports.stats import paired_difference
+from reports.style import METHODS, TASKS, display
+from reports.table_11 import SETS
+from reports.table_12 import magnitudes
+from tasks.data import BoolArray
+
+VARIATIONS = ("heavy_object", "light_object", "light_hand", "heavy_hand")
+ROBUSTNESS_TABLES = dict(zip(TASKS, (7, 8, 9, 10), strict=True))
+SIMILAR = 5.0
+"""Points of success within which two are called comparable, or about the same."""
+BASELINES = METHODS[2:]
+LEARNERS = METHODS[1:]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where a success rate is measured."""
+
+    method: str
+    task: str
+    split: str = "test"
+    physics: str = "nominal"
+    tuned: bool = False
+    variant: str = "described"
+
+    def __str__(self) -> str:
+        parts = [display(self.method), display(self.task)]
+        parts += [self.split] if self.split != "test" else []
+        parts += [display(self.physics)] if self.physics != "nominal" else []
+        parts += ["tuned"] if self.tuned else []
+        parts += [display(self.variant)] if self.variant != "described" else []
+        return " ".join(parts)
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Left minus right is above the margin, in points of success."""
+
+    left: Setting
+    right: Setting
+    margin: float = 0.0
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One sentence of the appendix, in contrasts."""
+
+    name: str
+    says: str
+    source: str
+    contrasts: tuple[Contrast, ...]
+
+
+Measured = tuple[Contrast, float, float, float]
+"""A contrast, its difference in points, and the ends of its interval."""
+
+
+def _about_the_same(left: Setting, right: Setting) -> tuple[Contrast, Contrast]:
+    return Contrast(left, right, -SIMILAR), Contrast(right, left, -SIMILAR)
+
+
+def _varied(method: str, task: str, physics: str, tuned: bool = False) -> Setting:
+    tuned = tuned and method != "expert"
+    return Setting(method, task, physics=physics, tuned=tuned)
+
+
+def _all(contrasts: Iterable[Contrast]) -> tuple[Contrast, ...]:
+    return tuple(contrasts)
+
+
+OTHER_TASKS = TASKS[1:]
+CLAIMS = (
+    Claim(
+        "kodex-ood-tool",
+        "Out of distribution, KODex outperforms the four baselines on Tool.",
+        "H",
+        _all(
+            Contrast(Setting("kodex", "tool", "ood"), Setting(m, "tool", "ood")) for m in BASELINES
+        ),
+    ),
+    Claim(
+        "ngf-ood",
+        "Out of distribution, NGF performs best of the methods on the other tasks.",
+        "H",
+        _all(
+            Contrast(Setting("ngf", task, "ood"), Setting(m, task, "ood"))
+            for task in OTHER_TASKS
+            for m in LEARNERS
+            if m != "ngf"
+        ),
+    ),
+    Claim(
+        "kodex-ood-comparable",
+        "Out of distribution, KODex is comparable to NDP and LSTM on the other tasks"
+        f" (within {SIMILAR:g} points).",
+        "H",
+        _all(
+            contrast
+            for task in OTHER_TASKS
+            for m in ("ndp", "lstm")
+            for contrast in _about_the_same(Setting("kodex", task, "ood"), Setting(m, task, "ood"))
+        ),
+    ),
+    Claim(
+        "light-hand-costs-least",
+        "With the original controller, no variation leaves a method more success than Light Hand"
+        f" (by {SIMILAR:g} points or more).",
+        "I",
+        _all(
+            Contrast(_varied(m, task, "light_hand"), _varied(m, task, other), -SIMILAR)
+            for task in TASKS
+            for m in LEARNERS
+            for other in VARIATIONS
+            if other != "light_hand"
+        ),
+    ),
+    Claim(
+        "light-hand-no-gain",
+        f"In Light Hand, the tuned controller adds no considerable success (under {SIMILAR:g}"
+        " points).",
+        "I",
+        _all(
+            Contrast(_varied(m, task, "light_hand"), _varied(m, task, "light_hand", True), -SIMILAR)
+            for task in TASKS
+            for m in LEARNERS
+        ),
+    ),
+    Claim(
+        "heavy-hand-gain",
+        "In Heavy Hand, every method benefits from the tuned controller.",
+        "I",
+        _all(
+            Contrast(_varied(m, task, "heavy_hand", True), _varied(m, task, "heavy_hand"))
+            for task in TASKS
+            for m in LEARNERS
+        ),
+    ),
+    Claim(
+        "kodex-robust",
+        "In changed physics, KODex outperforms NN, LSTM and NDP.",
+        "I",
+        _all(
+            Contrast(_varied("kodex", task, v, tuned), _varied(m, task, v, tuned))
+            for task in TASKS
+            for v in VARIATIONS
+            for tuned in (False, True)
+            for m in ("nn", "lstm", "ndp")
+        ),
+    ),
+    Claim(
+        "kodex-above-expert-relocation",
+        "In Heavy Object on Relocation, KODex with the original controller outperforms the expert.",
+        "I",
+        (
+            Contrast(
+                _varied("kodex", "relocation", "heavy_object"),
+                _varied("expert", "relocation", "heavy_object"),
+            ),
+        ),
+    ),
+    Claim(
+        "kodex-above-expert-door",
+        "In Heavy Object on Door, KODex with the original controller outperforms the expert.",
+        "I",
+        (
+            Contrast(
+                _varied("kodex", "door", "heavy_object"), _varied("expert", "door", "heavy_object")
+            ),
+        ),
+    ),
+    Claim(
+        "sets-alike",
+        f"The second, third and fourth set of observables succeed about as often (within"
+        f" {SIMILAR:g} points).",
+        "J",
+        _all(
+            contrast
+            for task in TASKS
+            for variant in ("set_2", "set_4")
+            for contrast in _about_the_same(
+                Setting("kodex", task, variant=variant), Setting("kodex", task)
+            )
+        ),
+    ),
+    Claim(
+        "set-2-relocation",
+        "On Relocation, KODex does marginally better with set 2 than with set 3.",
+        "J",
+        (
+            Contrast(
+                Setting("kodex", "relocation", variant="set_2"), Setting("kodex", "relocation")
+            ),
+        ),
+    ),
+)
+
+
+def most_magnitudes_below_one(results: Results) -> tuple[str, str]:
+    """Most eigenvalue magnitudes of K are below one, and a few are above."""
+    found = magnitudes(results)
+    if set(found) != set(TASKS):
+        return "not run", "not all tasks have a KODex"
+    above = {task: float((values > 1).mean()) for task, values in found.items()}
+    holds = all(0 < share < 0.5 for share in above.values())
+    shares = ", ".join(f"{display(task)} {100 * share:.1f}%" for task, share in above.items())
+    return "reproduced" if holds else "contradicted", f"above one: {shares}"
+
+
+def error_falls_with_observables(results: Results) -> tuple[str, str]:
+    """The more observables, the smaller the imitation error."""
+    return _along_sets(results, "imitation error [rad, m]", -1)
+
+
+def time_grows_with_observables(results: Results) -> tuple[str, str]:
+    """The more observables, the longer the fit."""
+    return _along_sets(results, "fit time [s]", 1)
+
+
+FACTS: dict[str, tuple[Callable[[Results], tuple[str, str]], str]] = {
+    "magnitudes-below-one": (most_magnitudes_below_one, "holds (Table 12; Fig. 7 is a picture)"),
+    "error-falls": (error_falls_with_observables, "published as a figure only"),
+    "time-grows": (time_grows_with_observables, "published as a figure only"),
+}
+"""Claims that are about single numbers, not about success, and whether the paper's own hold."""
+
+
+def _along_sets(results: Results, quantity: str, sign: int) -> tuple[str, str]:
+    table = figure_6.table(results)
+    chosen = table[table.row.str.endswith(quantity)]
+    rising = {}
+    for task, part in chosen.groupby("column", sort=False):
+        rising[task] = bool((np.diff(part.value) * sign > 0).all())
+    if set(rising) != set(TASKS) or len(chosen) < len(TASKS) * len(SETS):
+        return "not run", "not all sets have been run on all tasks"
+    failing = [display(task) for task, holds in rising.items() if not holds]
+    verdict = "contradicted" if failing else "reproduced"
+    return verdict, f"not from set to set on: {', '.join(failing)}" if failing else "on all tasks"
+
+
+def verdicts(results: Results) -> pd.DataFrame:
+    """Returns one row a claim: what it says, its source, whether it holds in the paper and here.
+
+    ``evidence`` names the contrast that decides, or comes nearest to deciding, ours.
+    """
+    rows = []
+    for claim in CLAIMS:
+        ours, evidence = _ours(claim, results)
+        rows.append(
+            {
+                "claim": claim.name,
+                "says": claim.says,
+                "source": f"appendix {claim.source}",
+                "paper": _in_paper(claim),
+                "ours": ours,
+                "evidence": evidence,
+            }
+        )
+    for name, (fact, paper) in FACTS.items():
+        verdict, evidence = fact(results)
+        says = (fact.__doc__ or "").strip()
+        row = {"claim": name, "says": says, "source": "appendix J", "paper": paper}
+        rows.append(row | {"ours": verdict, "evidence": evidence})
+    return pd.DataFrame(rows)
+
+
+def _in_paper(claim: Claim) -> str:
+    """Whether all contrasts hold for the numbers that the paper prints."""
+    pairs = [(_printed(c.left), _printed(c.right), c) for c in claim.contrasts]
+    known = [(left, right, c) for left, right, c in pairs if np.isfinite(left - right)]
+    if not known:
+        return "published as a figure only"
+    failing = [
+        f"{c.left} {left:g}, {c.right} {right:g}"
+        for left, right, c in known
+        if left - right <= c.margin
+    ]
+    if not failing:
+        return f"holds in all {len(known)} comparisons"
+    return f"fails in {len(failing)} of {len(known)} comparisons, as in: {failing[0]}"
+
+
+def _printed(setting: Setting) -> float:
+    if setting.physics == "nominal" or setting.variant != "described":
+        return np.nan
+    table = published(f"table_{ROBUSTNESS_TABLES[setting.task]}")
+    controller = "tuned" if setting.tuned else "original"
+    row = setting.method if setting.method == "expert" else f"{setting.method} {controller}"
+    found = table[(table.row == row) & (table.column == setting.physics)].value
+    return float(found.iloc[0]) if len(found) else np.nan
+
+
+def _ours(claim: Claim, results: Results) -> tuple[str, str]:
+    measured: list[Measured] = []
+    for contrast in claim.contrasts:
+        left, right = _success(results, contrast.left), _success(results, contrast.right)
+        if left is None or right is None:
+            return "not run", f"no results of {contrast.left if left is None else contrast.right}"
+        starts = min(left.shape[1], right.shape[1])
+        difference = paired_difference(left[:, :starts], right[:, :starts], str(contrast))
+        value, low, high = (100 * number for number in difference)
+        measured.append((contrast, value, low, high))
+    against = [m for m in measured if m[3] <= m[0].margin]
+    open_ = [m for m in measured if m[2] <= m[0].margin]
+    verdict = "contradicted" if against else "undecided" if open_ else "reproduced"
+    shown = min(against or open_ or measured, key=lambda m: m[1] - m[0].margin)
+    return verdict, _evidence(shown, len(against), len(open_), len(measured))
+
+
+def _success(results: Results, setting: Setting) -> BoolArray | None:
+    """(S, N) success of each seed's fit; None where there are no results."""
+    controller = "none" if setting.method == "expert" else "tuned" if setting.tuned else "original"
+    return results.success(
+        method=setting.method,
+        task=setting.task,
+        split=setting.split,
+        physics=setting.physics,
+        variant=setting.variant,
+        controller=controller,
+    )
+
+
+def _evidence(shown: Measured, against: int, open_: int, of: int) -> str:
+    contrast, difference, low, high = shown
+    return (
+        f"{of - open_} of {of} comparisons on the claimed side, {against} on the other;"
+        f" {contrast.left} minus {contrast.right}: {difference:+.1f} points"
+        f" [{low:.1f}, {high:.1f}], claimed above {contrast.margin:g}"
+    )

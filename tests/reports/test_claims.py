@@ -1,0 +1,104 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from reports import claims
+from reports.claims import CLAIMS, Claim, Contrast, Setting, verdicts
+from reports.results import Results
+from reports.stats import interquartile_mean, mcnemar, paired_difference
+from tasks.data import generator
+
+
+class Rates(Results):
+    """Results in which each setting has a chosen rate, with noise shared by all on a start."""
+
+    frame = pd.DataFrame()
+
+    def __init__(self, rates, starts=400):
+        self.rates, self.starts = rates, starts
+
+    def success(self, **values):
+        rate = self.rates.get((values["method"], values["physics"]))
+        if rate is None:
+            return None
+        seeds = 1 if values["method"] == "kodex" else 5
+        hard = generator("hardness").random(self.starts)
+        own = generator("own", str(values)).random((seeds, self.starts))
+        return 0.8 * hard + 0.2 * own < rate
+
+
+KODEX, NN = Setting("kodex", "tool"), Setting("nn", "tool")
+
+
+@pytest.mark.parametrize(
+    ("kodex", "nn", "verdict"),
+    [(0.9, 0.5, "reproduced"), (0.5, 0.9, "contradicted"), (0.7, 0.7, "undecided")],
+)
+def test_verdicts_follow_the_interval(kodex, nn, verdict, monkeypatch):
+    monkeypatch.setattr(
+        claims, "CLAIMS", (Claim("c", "KODex beats NN.", "X", (Contrast(KODEX, NN),)),)
+    )
+    monkeypatch.setattr(claims, "FACTS", {})
+    row = verdicts(Rates({("kodex", "nominal"): kodex, ("nn", "nominal"): nn})).iloc[0]
+    assert row.ours == verdict
+    assert "KODex Tool minus NN Tool" in row.evidence
+
+
+def test_what_was_not_run_is_named(monkeypatch):
+    monkeypatch.setattr(claims, "FACTS", {})
+    found = verdicts(Rates({})).set_index("claim")
+    assert set(found.ours) == {"not run"}
+    assert found.evidence["kodex-ood-tool"] == "no results of KODex Tool ood"
+
+
+def test_the_papers_own_tables_decide_what_they_can(monkeypatch):
+    monkeypatch.setattr(claims, "FACTS", {})
+    paper = verdicts(Rates({})).set_index("claim").paper
+    assert paper["kodex-ood-tool"] == "published as a figure only"
+    assert paper["kodex-above-expert-door"] == "holds in all 1 comparisons"
+    # Table 9: KODex 19.5, expert 77.0, whatever the prose says.
+    assert paper["kodex-above-expert-relocation"].startswith("fails in 1 of 1 comparisons")
+    assert paper["heavy-hand-gain"].startswith("fails in")
+
+
+def test_each_claim_has_its_own_name_and_says_where_it_is_from():
+    names = [claim.name for claim in CLAIMS]
+    assert len(set(names)) == len(names)
+    assert all(claim.source in "HIJ" and claim.contrasts for claim in CLAIMS)
+
+
+def test_pairing_on_starts_narrows_the_interval():
+    rng = generator("pairing")
+    hard = rng.random(500)
+    left = (hard + 0.02 * rng.standard_normal((5, 500))) < 0.7
+    right = (hard + 0.02 * rng.standard_normal((5, 500))) < 0.6
+    paired = paired_difference(left, right, "paired")
+    apart = paired_difference(left, right[:, rng.permutation(500)], "apart")
+    assert paired[0] == pytest.approx(apart[0]) == pytest.approx(left.mean() - right.mean())
+    assert paired[2] - paired[1] < 0.7 * (apart[2] - apart[1])
+    assert paired[1] <= paired[0] <= paired[2]
+
+
+def test_a_single_fit_has_the_interval_of_its_starts_alone():
+    left = generator("single").random((1, 2000)) < 0.8
+    difference, low, high = paired_difference(left, np.zeros((1, 2000), bool), "single")
+    error = np.sqrt(left.var() / 2000)
+    assert (high - low) / 2 == pytest.approx(1.96 * error, rel=0.1)
+    assert difference == left.mean()
+
+
+def test_mcnemar_is_that_of_statsmodels():
+    from statsmodels.stats.contingency_tables import mcnemar as of_statsmodels
+
+    rng = generator("mcnemar")
+    left, right = rng.random(80) < 0.8, rng.random(80) < 0.6
+    table = [[(left & right).sum(), (left & ~right).sum()], [(~left & right).sum(), 0]]
+    assert mcnemar(left, right) == pytest.approx(of_statsmodels(table, exact=True).pvalue)
+    assert mcnemar(left, left) == 1.0
+
+
+def test_the_interquartile_mean_leaves_out_the_best_and_worst_quarter():
+    outcomes = [np.tile(np.arange(100) < 10 * rate, (1, 1)) for rate in (0, 2, 4, 10)]
+    value, low, high = interquartile_mean(outcomes, "tasks")
+    assert value == pytest.approx(0.3)
+    assert low == high == value
