@@ -18,7 +18,11 @@ unescaped, and the policy stops what would slip in."""
 
 
 def render(
-    results: Results, tables: dict[str, pd.DataFrame], exhibits: list[Exhibit], figures: Path
+    results: Results,
+    tables: dict[str, pd.DataFrame],
+    exhibits: list[Exhibit],
+    claims: pd.DataFrame,
+    figures: Path,
 ) -> str:
     """Returns the page.
 
@@ -26,6 +30,7 @@ def render(
         results: of a run.
         tables: by name of exhibit; exhibits without one are named as missing.
         exhibits: in the order of the page.
+        claims: as `reports.claims.verdicts` gives them.
         figures: where the SVG files of the exhibits are.
     """
     shown = [exhibit for exhibit in exhibits if exhibit.name in tables]
@@ -36,6 +41,7 @@ def render(
         nonce=NONCE,
         notes=results.notes,
         parts=[_part(exhibit, tables[exhibit.name], figures) for exhibit in shown],
+        claims=claims.to_dict("records"),
         missing=missing,
         cells=f"{len(results.frame):,}",
         episodes=f"{int(results.frame.episodes.sum()) if len(results.frame) else 0:,}",

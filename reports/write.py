@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from reports.claims import verdicts
 from reports.exhibit import Exhibit
 from reports.page import render
 from reports.results import Results
@@ -47,7 +48,9 @@ def write_report(results: Results, folder: Path) -> list[Path]:
             written.append(_write_table(exhibit, tables[exhibit.name], folder / "tables"))
             if exhibit.axis:
                 _write_figure(exhibit, tables[exhibit.name], folder / "figures")
-    page = render(results, tables, exhibits(), folder / "figures")
+    claims = verdicts(results)
+    claims.to_csv(folder / "tables" / "claims.csv", index=False)
+    page = render(results, tables, exhibits(), claims, folder / "figures")
     (folder / "index.html").write_text(page)
     return written
 

@@ -38,7 +38,7 @@ class MadeUp(Results):
         self.frame = pd.DataFrame(rows)
 
     def outcomes(self, row):
-        success = np.arange(row["episodes"]) % 4 == 0
+        success = np.arange(min(row["episodes"], 200)) % 4 == 0
         return pd.DataFrame({"success": success, "diverged": ~success & False})
 
     def diagnostics(self, folder):
