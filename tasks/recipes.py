@@ -34,7 +34,11 @@ class Recipe:
     """Shares of the training between which both prices rise from zero to what they are: asked
     for from the beginning, calm would stop the expert from exploring."""
     steps: int = 5_000_000
-    """Environment steps in all."""
+    """Environment steps before polishing."""
+    polish_steps: int = 0
+    """Further steps, to slow down an expert that is sure of its success but rushes."""
+    polish: float = 1.0
+    """What both prices rise to meanwhile, as a multiple of what they are."""
     episodes: int = 256
     """Whole episodes in an iteration: enough starts to average over their range, and of the short
     tasks enough steps."""
@@ -50,6 +54,28 @@ class Recipe:
     gae_lambda: float = 0.95
     clip_range: float = 0.2
     hidden: tuple[int, ...] = (128, 128)
+
+    @property
+    def all_steps(self) -> int:
+        """Environment steps in all."""
+        return self.steps + self.polish_steps
+
+    def calm_at(self, steps: float) -> float:
+        """Returns the share of the prices on jerk and speed that is asked for after steps."""
+        share = np.interp(steps / self.steps, self.calm, (0.0, 1.0))
+        polished = (steps - self.steps) / max(self.polish_steps, 1)
+        return float(share * np.interp(polished, (0.0, 0.5), (1.0, self.polish)))
+
+    def noise_at(self, steps: float) -> float:
+        """Returns the upper bound of the action noise after steps."""
+        ends = np.log([self.initial_std, self.final_std])
+        return float(np.exp(np.interp(steps / self.steps, (0.5, 1.0), ends)))
+
+    def rate_at(self, steps: float) -> float:
+        """Returns the learning rate after steps; a third of the first while polishing."""
+        if steps >= self.steps and self.polish_steps:
+            return self.learning_rate / 3
+        return self.learning_rate * max(1 - steps / self.steps, 0.1)
 
 
 def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -158,7 +184,16 @@ def reorientation_reward(batch: Batch) -> FloatArray:
 
 RECIPES = {
     "tool": Recipe(tool_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
-    "door": Recipe(door_reward, action_rate=1.0, hand_speed=0.05, steps=6_000_000),
+    "door": Recipe(
+        door_reward,
+        action_rate=1.0,
+        hand_speed=0.05,
+        steps=6_000_000,
+        # Bonuses come with each step that the door is open: the expert throws it open in a third
+        # of the time there is, too fast to be tracked.
+        polish_steps=2_500_000,
+        polish=40.0,
+    ),
     "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
     "reorientation": Recipe(
         reorientation_reward,

@@ -61,7 +61,7 @@ def train(task: Task, folder: Path, report: Report, threads: int = 2) -> Path:
     if progress.checkpoint.exists():
         progress.load(model, env)
         _seed(task, model.num_timesteps)
-    remaining = recipe.steps - model.num_timesteps
+    remaining = recipe.all_steps - model.num_timesteps
     if remaining > 0:
         model.learn(remaining, callback=progress, reset_num_timesteps=model.num_timesteps == 0)
     return progress.checkpoint
@@ -118,7 +118,7 @@ def _model(env: VecNormalize, recipe: Recipe) -> PPO:
     return PPO(
         TimeBlindPolicy,
         env,
-        learning_rate=lambda remaining: recipe.learning_rate * max(remaining, 0.1),
+        learning_rate=lambda remaining: recipe.rate_at((1 - remaining) * recipe.all_steps),
         n_steps=samples // recipe.episodes,
         batch_size=samples // recipe.minibatches,
         n_epochs=recipe.epochs,
@@ -246,11 +246,9 @@ class Progress(BaseCallback):
         self.clock = time.monotonic()
 
     def _on_rollout_start(self) -> None:
-        share = self.model.num_timesteps / self.recipe.steps
-        initial, final = np.log([self.recipe.initial_std, self.recipe.final_std])
-        self.episodes.calm = float(np.interp(share, self.recipe.calm, (0.0, 1.0)))
-        top = float(np.interp(share, (0.5, 1.0), (initial, final)))
-        self.model.policy.log_std.data.clamp_(max=top)
+        steps = self.model.num_timesteps
+        self.episodes.calm = self.recipe.calm_at(steps)
+        self.model.policy.log_std.data.clamp_(max=float(np.log(self.recipe.noise_at(steps))))
         if self.model.num_timesteps > self.saved_steps:
             self.save()
 
