@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bench import cli_demos, cli_expert, cli_methods, cli_run
+from bench import cli_demos, cli_expert, cli_methods, cli_run, cli_status
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
@@ -22,6 +22,8 @@ app = typer.Typer(
 app.add_typer(cli_expert.app, name="expert")
 app.add_typer(cli_demos.app, name="demos")
 app.command("run")(cli_run.run)
+app.command("status")(cli_status.status)
+app.command("doctor")(cli_status.doctor)
 app.command("check")(cli_methods.check)
 app.command("new-method")(cli_methods.new_method)
 for point in sorted(entry_points(group="bench.commands"), key=lambda point: point.name):

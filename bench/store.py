@@ -190,6 +190,29 @@ class Store:
                 " will be found"
             ) from error
 
+    def progress(self) -> dict[str, int]:
+        """Returns how many fits and evaluations were asked for, and how many are there.
+
+        Raises:
+            InputError: the folder holds no results.
+        """
+        self._require_results()
+        folders = {
+            label: self.cells / f"{label}-{entry['key'][:KEY_DIGITS]}"
+            for label, entry in self.study().items()
+        }
+        paths = [
+            folders[label] / f"{name}.parquet"
+            for label, entry in self.study().items()
+            for name in entry["evaluations"]
+        ]
+        return {
+            "fits": len(folders),
+            "fits_done": sum((folder / "fit.json").exists() for folder in folders.values()),
+            "evaluations": len(paths),
+            "evaluations_done": sum(path.exists() for path in paths),
+        }
+
     def frame(self) -> pd.DataFrame:
         """Returns one row for each evaluation that was asked for and is there.
 
@@ -199,8 +222,7 @@ class Store:
         Raises:
             InputError: the folder holds no results.
         """
-        if not self.cells.exists():
-            raise InputError(f"{self.folder} holds no results: bench run writes them there")
+        self._require_results()
         rows = []
         for label, entry in sorted(self.study().items()):
             folder = self.cells / f"{label}-{entry['key'][:KEY_DIGITS]}"
@@ -210,6 +232,10 @@ class Store:
                 if record and table is not None and _labels(table)["key"] == key:
                     rows.append(_row(folder, record, table))
         return pd.DataFrame(rows)
+
+    def _require_results(self) -> None:
+        if not self.cells.exists():
+            raise InputError(f"{self.folder} holds no results: bench run writes them there")
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """Returns start, success, diverged and steps of each episode of a row of `frame`."""

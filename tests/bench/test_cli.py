@@ -63,3 +63,19 @@ def test_tasks_register_no_environments():
         " sys.exit('gymnasium' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_doctor_says_what_there_is_and_what_is_missing(bench, tmp_path, monkeypatch):
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path))
+    code, out, _ = bench("doctor", str(tmp_path / "not" / "there"), "--json")
+    found = {row["what"]: row for row in json.loads(out)}
+    assert code == 0
+    assert found["cache"]["found"] == str(tmp_path)
+    assert found["relocation"]["found"] == "expert shipped, demonstrations not made yet"
+    assert f"disk at {tmp_path}" in found
+
+
+def test_status_of_nothing_is_refused(bench, tmp_path):
+    code, _, error = bench("status", str(tmp_path / "nothing"))
+    assert code == 2
+    assert "holds no results" in error

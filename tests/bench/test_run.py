@@ -64,6 +64,13 @@ class TestInProcess:
         run(larger, tmp_path / "at once", jobs=1)
         assert files_of(tmp_path / "grown") == files_of(tmp_path / "at once")
 
+    def test_status_counts_what_is_done(self, task, smoke, bench, tmp_path):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        whole = {"fits": 2, "fits_done": 2, "evaluations": 5, "evaluations_done": 5}
+        assert json.loads(bench("status", str(tmp_path), "--json")[1]) == whole | {"failures": []}
+        next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
+        assert "evaluations: 4 of 5 done" in bench("status", str(tmp_path))[1]
+
     def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys):
         study = get_preset("smoke")
         run(study, tmp_path, jobs=1)

@@ -1,0 +1,79 @@
+"""What this machine has, and what a run would miss."""
+
+import os
+import platform
+import shutil
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import joblib
+
+from tasks.demos import cache_folder, demos_path
+from tasks.errors import InputError
+from tasks.experts import load_expert
+from tasks.registry import TASKS, get_task
+
+PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
+LEAST_MEMORY, LEAST_DISK = 4.0, 5.0
+"""GiB that the preset ``paper`` is comfortable with, for each job and in the results folder."""
+
+
+def examine(folder: Path) -> list[dict[str, Any]]:
+    """Returns what was looked at: ``what``, ``found``, and ``advice`` where something is amiss.
+
+    Args:
+        folder: where results would be written.
+    """
+    return [*_packages(), *_machine(folder), *_experts()]
+
+
+def _packages() -> list[dict[str, Any]]:
+    rows = [{"what": "python", "found": platform.python_version(), "advice": ""}]
+    for name in PACKAGES:
+        try:
+            rows.append({"what": name, "found": version(name), "advice": ""})
+        except PackageNotFoundError:
+            advice = f"install it: pip install {name}"
+            rows.append({"what": name, "found": "missing", "advice": advice})
+    return rows
+
+
+def _machine(folder: Path) -> list[dict[str, Any]]:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    cores = joblib.cpu_count()
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(there).free / 2**30
+    few = memory < LEAST_MEMORY * cores
+    return [
+        {"what": "cores", "found": str(cores), "advice": ""},
+        {
+            "what": "memory",
+            "found": f"{memory:.0f} GiB",
+            "advice": f"run fewer jobs: bench run --jobs {max(1, int(memory / LEAST_MEMORY))}"
+            if few
+            else "",
+        },
+        {
+            "what": f"disk at {there}",
+            "found": f"{free:.0f} GiB free",
+            "advice": "free some: results of the whole paper take about a gigabyte"
+            if free < LEAST_DISK
+            else "",
+        },
+        {"what": "cache", "found": str(cache_folder()), "advice": ""},
+    ]
+
+
+def _experts() -> list[dict[str, Any]]:
+    rows = []
+    for name in TASKS:
+        task = get_task(name)
+        try:
+            load_expert(task)
+            made = demos_path(task).exists()
+            found = "expert shipped, demonstrations " + ("made" if made else "not made yet")
+            rows.append({"what": name, "found": found, "advice": ""})
+        except InputError as error:
+            rows.append({"what": name, "found": "no expert", "advice": str(error)})
+    return rows
