@@ -103,3 +103,13 @@ def _settings(texts: list[str]) -> dict[tuple[str, str], Any]:
         except ValueError:
             settings[method, field] = value
     return settings
+
+
+def merge(
+    folders: Annotated[list[Path], typer.Argument(help="Results folders of `bench run`.")],
+    out: Annotated[Path, typer.Option(help="Results folder that gets everything.")],
+) -> None:
+    """Merge results folders, as from several machines, into one."""
+    from bench.merge import merge as merge_folders
+
+    print(f"{merge_folders(folders, out)} fits in {out}")

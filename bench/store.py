@@ -140,7 +140,7 @@ class Store:
             table = pa.concat_tables([kept, table]).combine_chunks()
         labels = {name: str(value) for name, value in asdict(evaluation).items()}
         labels |= {"format": str(FORMAT), "fit": fit.key, "key": evaluation.key(fit)}
-        self._write(path, _sealed(table.replace_schema_metadata(labels | {"seal": _UNSEALED})))
+        self.write(path, _sealed(table.replace_schema_metadata(labels | {"seal": _UNSEALED})))
 
     # Study
     def ask_for(self, cells: Iterable[Cell], note: str = "") -> None:
@@ -157,10 +157,14 @@ class Store:
             if entry["key"] != cell.fit.key:
                 entry |= {"key": cell.fit.key, "evaluations": {}}
             entry["evaluations"][cell.evaluation.name] = cell.evaluation.key(cell.fit)
+        self.write_study(study, notes)
+
+    def write_study(self, study: Mapping[str, Any], notes: list[str]) -> None:
+        """Writes down what is asked for, in place of what was."""
         self.cells.mkdir(exist_ok=True)
         entry = {"format": FORMAT, "notes": notes, "fits": study}
         text = json.dumps(entry, indent=1, sort_keys=True)
-        self._write(self.folder / "study.json", text.encode())
+        self.write(self.folder / "study.json", text.encode())
 
     def study(self) -> dict[str, Any]:
         """Returns what has been asked for: by label of fit, its key and its evaluations' keys.
@@ -251,7 +255,7 @@ class Store:
         tries = json.loads(path.read_bytes())["tries"] if path.exists() else 0
         entry = {"label": label, "tries": tries + 1, "reason": reason, "traceback": traceback}
         path.parent.mkdir(exist_ok=True)
-        self._write(path, json.dumps(entry, indent=2).encode())
+        self.write(path, json.dumps(entry, indent=2).encode())
 
     def clear_failure(self, label: str) -> None:
         """Forgets an earlier failure, now that there is a result."""
@@ -300,7 +304,8 @@ class Store:
         temporary.rename(folder)
         _flush_folder(folder.parent)
 
-    def _write(self, path: Path, content: bytes) -> None:
+    def write(self, path: Path, content: bytes) -> None:
+        """Writes a file of the results folder, all of it or nothing."""
         temporary = self.folder / ".unfinished" / f"{path.parent.name}-{path.name}"
         temporary.parent.mkdir(exist_ok=True)
         _flush(temporary, content)

@@ -71,6 +71,31 @@ class TestInProcess:
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
         assert "evaluations: 4 of 5 done" in bench("status", str(tmp_path))[1]
 
+    def test_merged_parts_are_the_whole(self, task, smoke, bench, tmp_path):
+        whole, a, b, c = (tmp_path / name for name in ("whole", "a", "b", "c"))
+        options = ("run", "smoke", "--jobs", "1")
+        bench(*options, "--out", str(whole))
+        bench(*options, "--out", str(a), "--experiments", "sizes,stability")
+        bench(*options, "--out", str(b), "--experiments", "success", "--episodes", "4")
+        bench(*options, "--out", str(c), "--experiments", "success,ood")
+        code, said, _ = bench("merge", str(a), str(b), str(c), "--out", str(tmp_path / "out"))
+        assert (code, said) == (0, f"2 fits in {tmp_path / 'out'}\n")
+        assert files_of(tmp_path / "out") == files_of(whole)
+        pd.testing.assert_frame_equal(
+            Store(tmp_path / "out").frame().drop(columns="fit_seconds"),
+            Store(whole).frame().drop(columns="fit_seconds"),
+        )
+
+    def test_what_was_not_run_alike_is_not_merged(self, task, smoke, bench, tmp_path):
+        for name, value in (("a", 1), ("b", 2)):
+            setting = ("--set", f"kodex.observables={value}")
+            bench("run", "smoke", "--out", str(tmp_path / name), "--jobs", "1", *setting)
+        folders = (str(tmp_path / "a"), str(tmp_path / "b"))
+        code, _, error = bench("merge", *folders, "--out", str(tmp_path / "out"))
+        assert code == 2
+        assert "holds other results of door-kodex-described-single-n6-s0" in error
+        assert not (tmp_path / "out/cells").exists()
+
     def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys):
         study = get_preset("smoke")
         run(study, tmp_path, jobs=1)
