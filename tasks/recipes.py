@@ -191,7 +191,7 @@ RECIPES = {
         steps=6_000_000,
         # Bonuses come with each step that the door is open: the expert throws it open in a third
         # of the time there is, too fast to be tracked.
-        polish_steps=2_500_000,
+        polish_steps=2_000_000,
         polish=40.0,
     ),
     "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
