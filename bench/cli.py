@@ -22,6 +22,7 @@ app = typer.Typer(
 app.add_typer(cli_expert.app, name="expert")
 app.add_typer(cli_demos.app, name="demos")
 app.command("run")(cli_run.run)
+app.command("plan")(cli_run.plan)
 app.command("merge")(cli_run.merge)
 app.command("status")(cli_status.status)
 app.command("doctor")(cli_status.doctor)

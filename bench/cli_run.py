@@ -1,7 +1,8 @@
 """`bench run`: compute what is missing of a study."""
 
+import json
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,30 +11,91 @@ import typer
 from tasks.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
-    pass
+    from bench.presets import Study
 
 SOME_FAILED = 3
+Preset = Annotated[str, typer.Argument(help="smoke, quick or paper.")]
+Seeds = Annotated[str | None, typer.Option(help="A number of seeds, or 1,2,...")]
+Episodes = Annotated[int | None, typer.Option(help="Of each evaluation.")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE of a config.")
+]
+Jobs = Annotated[int | None, typer.Option(help="Processes at a time; one a core.")]
 Names = Annotated[str | None, typer.Option(help="Comma-separated; all of the preset unless told.")]
 
 
 def run(
-    preset: Annotated[str, typer.Argument(help="smoke, quick or paper.")],
+    preset: Preset,
     out: Annotated[Path, typer.Option(help="Results folder; the same again goes on.")],
     experiments: Names = None,
     tasks: Names = None,
     methods: Names = None,
     sizes: Names = None,
     variants: Names = None,
-    seeds: Annotated[str | None, typer.Option(help="A number of seeds, or 1,2,...")] = None,
-    episodes: Annotated[int | None, typer.Option(help="Of each evaluation.")] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE of a config.")
-    ] = None,
-    jobs: Annotated[int | None, typer.Option(help="Processes at a time; one a core.")] = None,
+    seeds: Seeds = None,
+    episodes: Episodes = None,
+    settings: Settings = None,
+    jobs: Jobs = None,
 ) -> None:
     """Run a study; the same command again computes what is missing."""
-    from bench.presets import get_preset
     from bench.run import run as run_study
+
+    study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
+    outcome = run_study(study, out, None if jobs is None else _positive("jobs", jobs))
+    for failure in outcome.failed:
+        print(f"failed: {failure}", file=sys.stderr)
+    print(f"{outcome.done} results computed, {outcome.cells} cells in {outcome.folder}")
+    if outcome.failed:
+        raise typer.Exit(SOME_FAILED)
+
+
+def plan(
+    preset: Preset,
+    out: Annotated[Path, typer.Option(help="Results folder, which may hold some already.")],
+    experiments: Names = None,
+    tasks: Names = None,
+    methods: Names = None,
+    sizes: Names = None,
+    variants: Names = None,
+    seeds: Seeds = None,
+    episodes: Episodes = None,
+    settings: Settings = None,
+    jobs: Jobs = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Say what a study will cost on this machine, after a short calibration."""
+    from bench.plan import make_plan
+    from bench.run import default_jobs
+
+    study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
+    count = default_jobs() if jobs is None else _positive("jobs", jobs)
+    made = make_plan(study, out, count)
+    if as_json:
+        print(json.dumps(asdict(made)))
+    else:
+        print(
+            "{cells} cells; missing: {missing_controllers} controllers, {missing_fits} fits,"
+            " {missing_evaluations} evaluations of {missing_episodes:,} episodes\n"
+            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs} jobs;"
+            " {memory_gib:.1f} GiB of memory; {disk_gib:.2f} GiB of disk, {free_gib:.0f} free"
+            "".format(**asdict(made), jobs=count)
+        )
+    made.check()
+
+
+def _study(
+    preset: str,
+    experiments: str | None,
+    tasks: str | None,
+    methods: str | None,
+    sizes: str | None,
+    variants: str | None,
+    seeds: str | None,
+    episodes: int | None,
+    settings: list[str] | None,
+) -> "Study":
+    """The study that a command line asks for."""
+    from bench.presets import get_preset
 
     study = get_preset(preset)
     if experiments is not None:
@@ -57,13 +119,7 @@ def run(
         study = replace(study, variants=tuple(variants.split(",")))
     if seeds is not None:
         study = replace(study, seeds=_seeds(seeds))
-    study = replace(study, settings=_settings(settings or []))
-    outcome = run_study(study, out, None if jobs is None else _positive("jobs", jobs))
-    for failure in outcome.failed:
-        print(f"failed: {failure}", file=sys.stderr)
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {outcome.folder}")
-    if outcome.failed:
-        raise typer.Exit(SOME_FAILED)
+    return replace(study, settings=_settings(settings or []))
 
 
 def _names(kind: str, text: str, known: Any) -> tuple[str, ...]:
@@ -90,8 +146,6 @@ def _seeds(text: str) -> tuple[int, ...]:
 
 
 def _settings(texts: list[str]) -> dict[tuple[str, str], Any]:
-    import json
-
     settings = {}
     for text in texts:
         place, equals, value = text.partition("=")

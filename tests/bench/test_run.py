@@ -71,6 +71,18 @@ class TestInProcess:
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
         assert "evaluations: 4 of 5 done" in bench("status", str(tmp_path))[1]
 
+    def test_a_plan_prices_what_is_missing(self, task, smoke, bench, tmp_path):
+        options = ("smoke", "--jobs", "1", "--out", str(tmp_path))
+        before = json.loads(bench("plan", *options, "--json")[1])
+        assert before["cells"] == before["missing_evaluations"] == 5
+        assert (before["missing_controllers"], before["missing_fits"]) == (1, 1)
+        assert before["missing_episodes"] == 2 + 4 * 20
+        assert before["cpu_hours"] > 0
+        bench("run", *options)
+        after = json.loads(bench("plan", *options, "--json")[1])
+        assert (after["missing_fits"], after["missing_episodes"], after["cpu_hours"]) == (0, 0, 0)
+        assert "5 cells; missing: 0 controllers" in bench("plan", *options)[1]
+
     def test_merged_parts_are_the_whole(self, task, smoke, bench, tmp_path):
         whole, a, b, c = (tmp_path / name for name in ("whole", "a", "b", "c"))
         options = ("run", "smoke", "--jobs", "1")

@@ -1,0 +1,163 @@
+"""What a study will cost: its cells, those missing, and the time, memory and disk that they need.
+
+Costs are measured here and now, in a short calibration: the simulation of each task, and for each
+method and size the fit of a few demonstrations for an epoch or two, scaled to the whole.
+"""
+
+import shutil
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from bench.controller import ControllerConfig, train_controller
+from bench.experiments import cells_of
+from bench.presets import Study
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit
+from bench.store import Store
+from tasks.data import Demos, Starts, generator
+from tasks.demos import VALIDATION as VALIDATION_DEMOS
+from tasks.demos import demos_key
+from tasks.errors import InputError
+from tasks.registry import get_task
+from tasks.simulator import Simulator
+
+BYTES_PER_STEP = 4
+"""Of a stored episode: one reading after each control step."""
+BYTES_PER_FIT = 5_000_000
+"""About the largest there is, K of 763 observables."""
+GIB_PER_JOB = 1.5
+"""Memory of a job with the largest fits."""
+_DEMOS, _EPISODES, _STEPS = 16, 50, 20
+"""Size of the calibration."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a study will cost on this machine."""
+
+    cells: int
+    missing_controllers: int
+    missing_fits: int
+    missing_evaluations: int
+    missing_episodes: int
+    cpu_hours: float
+    """Of one core, by the calibration."""
+    wall_hours: float
+    """With as many jobs as the run will have."""
+    memory_gib: float
+    disk_gib: float
+    free_gib: float
+
+    def check(self) -> None:
+        """Raises InputError if the disk will not suffice."""
+        if self.disk_gib > self.free_gib:
+            raise InputError(
+                f"the results take about {self.disk_gib:.1f} GiB, and {self.free_gib:.1f} GiB are"
+                " free: choose fewer episodes, or another folder"
+            )
+
+
+def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
+    """Returns what a study will cost, given what its results folder already holds."""
+    recipes = {task: demos_key(get_task(task)) for task in study.tasks}
+    cells = cells_of(study, recipes)
+    store = Store(folder)
+    fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
+    controllers = {cell.controller.key: cell.controller for cell in cells if cell.controller}
+    learning = [fit for fit in fits.values() if not store.has_fit(fit)]
+    tracking = [spec for spec in controllers.values() if not store.has_controller(spec)]
+    episodes = {i: missing for i, cell in enumerate(cells) if (missing := _missing(store, cell))}
+    seconds = (
+        sum(fit_seconds(fit) for fit in learning)
+        + sum(controller_seconds(spec) for spec in tracking)
+        + sum(count * episode_seconds(cells[i].fit.task) for i, count in episodes.items())
+    )
+    size = BYTES_PER_FIT * len(learning) + BYTES_PER_STEP * sum(
+        count * get_task(cells[i].fit.task).horizon for i, count in episodes.items()
+    )
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    return Plan(
+        cells=len(cells),
+        missing_controllers=len(tracking),
+        missing_fits=len(learning),
+        missing_evaluations=len(episodes),
+        missing_episodes=sum(episodes.values()),
+        cpu_hours=seconds / 3600,
+        wall_hours=seconds / jobs / 3600,
+        memory_gib=GIB_PER_JOB * jobs,
+        disk_gib=size / 2**30,
+        free_gib=shutil.disk_usage(there).free / 2**30,
+    )
+
+
+def _missing(store: Store, cell: Cell) -> int:
+    """How many episodes of a cell are not there yet."""
+    wanted = cell.episodes
+    if cell.evaluation.split == VALIDATION:
+        wanted = min(wanted, VALIDATION_DEMOS)
+    stored = store.episodes(cell.fit, cell.evaluation)
+    return max(0, wanted - (0 if stored is None else len(stored)))
+
+
+# Calibration
+@cache
+def episode_seconds(task_name: str) -> float:
+    """Returns the seconds of one core that an episode takes, measured on a few steps of some."""
+    task = get_task(task_name)
+    simulator = Simulator(task, task.sample("train", _EPISODES), threads=1)
+    still = np.zeros((_EPISODES, task.layout.action_dim))
+    began = perf_counter()
+    for _ in range(_STEPS):
+        simulator.step(still)
+        simulator.state()
+    return (perf_counter() - began) / (_EPISODES * _STEPS) * (task.horizon - 1)
+
+
+def fit_seconds(fit: Fit) -> float:
+    """Returns the seconds that a fit takes: per demonstration, and epoch where it has epochs."""
+    epochs = fit.config.get("epochs", 1)
+    return _unit_seconds(fit.task, fit.method, fit.variant, fit.size) * fit.demos * epochs
+
+
+@cache
+def _unit_seconds(task_name: str, method: str, variant: str, size: str) -> float:
+    """The seconds of a fit for each demonstration and epoch: of 16 demonstrations, two epochs."""
+    from methods.registry import get_method
+
+    config = get_method(method, variant).sizes[size]
+    config = replace(config, **get_method(method, variant).variants[variant])
+    epochs = 2 if "epochs" in {field.name for field in fields(config)} else 1
+    config = replace(config, epochs=epochs) if epochs == 2 else config
+    demos = _random_demos(task_name)
+    learner = get_method(method, variant)(config, get_task(task_name).layout)
+    began = perf_counter()
+    learner.fit(demos, demos[:2], 1)
+    return (perf_counter() - began) / (epochs * len(demos))
+
+
+def controller_seconds(spec: ControllerSpec) -> float:
+    """Returns the seconds that a controller's training takes."""
+    return _unit_controller_seconds(spec.task) * spec.demos * spec.config.epochs
+
+
+@cache
+def _unit_controller_seconds(task_name: str) -> float:
+    demos = _random_demos(task_name)
+    began = perf_counter()
+    train_controller(ControllerConfig(epochs=2), demos, "calibration")
+    return (perf_counter() - began) / (2 * len(demos))
+
+
+@cache
+def _random_demos(task_name: str) -> Demos:
+    task = get_task(task_name)
+    rng = generator("calibration", task_name)
+    shape = (_DEMOS, task.horizon)
+    states = rng.standard_normal((*shape, task.layout.state_dim))
+    velocities = states[:, :, : task.robot_dim]
+    actions = rng.uniform(-1, 1, (_DEMOS, task.horizon - 1, task.layout.action_dim))
+    starts = Starts(task_name, "demo", np.arange(_DEMOS), np.zeros((_DEMOS, 1)))
+    return Demos(starts, states, velocities, actions)
