@@ -113,7 +113,7 @@ def test_rewards_are_finite_and_rise_where_the_rule_is_met(task):
 
 
 def solve(simulator: Simulator) -> None:
-    """Puts the object where the task wants it."""
+    """Puts the object where the task wants it, at the end of the episode."""
     batch, task = simulator.batch, simulator.task
     if task == get_task("door"):
         batch.joint("door_hinge").qpos = 1.5
@@ -123,6 +123,7 @@ def solve(simulator: Simulator) -> None:
         batch.qpos[:, 30:33] += batch.site("target").xpos - batch.body("Object").xpos
     else:
         batch.body("target").quat = task.model.body("Object").quat
+    batch.time[:] = 0.01 * (task.horizon - 1)
     batch.forward()
 
 
