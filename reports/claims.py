@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from reports import figure_6
+from reports import figure_6, figure_6_time
 from reports.paper import published
 from reports.results import Results
 from reports.stats import paired_difference
@@ -228,12 +228,13 @@ def most_magnitudes_below_one(results: Results) -> tuple[str, str]:
 
 def error_falls_with_observables(results: Results) -> tuple[str, str]:
     """The more observables, the smaller the imitation error."""
-    return _along_sets(results, "imitation error [rad, m]", -1)
+    table = figure_6.table(results)
+    return _along_sets(table[table.row.str.endswith(figure_6.ERROR)], -1)
 
 
 def time_grows_with_observables(results: Results) -> tuple[str, str]:
     """The more observables, the longer the fit."""
-    return _along_sets(results, "fit time [s]", 1)
+    return _along_sets(figure_6_time.table(results), 1)
 
 
 FACTS: dict[str, tuple[Callable[[Results], tuple[str, str]], str]] = {
@@ -244,9 +245,7 @@ FACTS: dict[str, tuple[Callable[[Results], tuple[str, str]], str]] = {
 """Claims that are about single numbers, not about success, and whether the paper's own hold."""
 
 
-def _along_sets(results: Results, quantity: str, sign: int) -> tuple[str, str]:
-    table = figure_6.table(results)
-    chosen = table[table.row.str.endswith(quantity)]
+def _along_sets(chosen: pd.DataFrame, sign: int) -> tuple[str, str]:
     rising = {}
     for task, part in chosen.groupby("column", sort=False):
         rising[task] = bool((np.diff(part.value) * sign > 0).all())

@@ -1,4 +1,4 @@
-"""Figure 6: what the set of observables does to training time, imitation error and success."""
+"""Figure 6, center and right: what the set of observables does to imitation error and success."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -8,7 +8,8 @@ from reports.results import Results, rates
 from reports.style import colour, display
 from reports.table_11 import SETS
 
-PANELS = {"fit time [s]": "", "imitation error [rad, m]": "", "success [%]": "%"}
+ERROR = "imitation error [rad, m]"
+PANELS = (ERROR, "success [%]")
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -19,20 +20,16 @@ def table(results: Results) -> pd.DataFrame:
         success = rates(found, ["task"]).rename(columns={"task": "column"})
         rows += success.assign(row=f"{name}: success [%]").to_dict("records")
         for one in found.itertuples():
-            errors = results.diagnostics(one.folder)["imitation_error"]
-            values = {"fit time [s]": one.fit_seconds, "imitation error [rad, m]": errors.mean()}
-            rows += [
-                {"row": f"{name}: {quantity}", "column": one.task, "value": float(value)}
-                for quantity, value in values.items()
-            ]
+            error = float(results.diagnostics(one.folder)["imitation_error"].mean())
+            rows.append({"row": f"{name}: {ERROR}", "column": one.task, "value": error})
     return pd.DataFrame(rows, columns=["row", "column", "value", "low", "high", "n", "diverged"])
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns three panels, sets along the axis, one line a task."""
-    drawing = Figure(figsize=(9.5, 3.0), layout="constrained")
+    """Returns two panels, sets along the axis, one line a task."""
+    drawing = Figure(figsize=(7.5, 3.0), layout="constrained")
     parts = table.row.str.split(": ", n=1, expand=True)
-    for axes, quantity in zip(drawing.subplots(1, 3), PANELS, strict=True):
+    for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
         for place, task in enumerate(table.column.drop_duplicates()):
             chosen = table[(parts[1] == quantity) & (table.column == task)]
             names = parts[0][chosen.index]
@@ -52,9 +49,8 @@ EXHIBIT = Exhibit(
     name="figure_6",
     title="Figure 6: the choice of observables",
     about=(
-        "Fit time of K, lifting included; mean absolute error of the predicted joints on the"
-        " validation demonstrations, t = 2..T; success [%] on unseen starts. Published: figure"
-        " only."
+        "Mean absolute error of the predicted joints on the validation demonstrations, t = 2..T;"
+        " success [%] on unseen starts. Published: figure only."
     ),
     table=table,
     unit="",

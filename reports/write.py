@@ -17,6 +17,7 @@ MODULES = (
     "figure_5",
     *(f"table_{number}" for number in range(7, 12)),
     "figure_6",
+    "figure_6_time",
     "figure_7",
     "table_12",
     "efficiency",

@@ -29,7 +29,7 @@ def files_of(folder):
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for kind in kinds
         for path in folder.rglob(kind)
-        if "damaged" not in path.parts
+        if "damaged" not in path.parts and "_time" not in path.name
     }
 
 

@@ -72,7 +72,8 @@ EXPECTED = {
     "figure_5": (6, 4),
     "table_11": (4, 4),
     "table_12": (1, 4),
-    "figure_6": (12, 4),
+    "figure_6": (8, 4),
+    "figure_6_time": (4, 4),
     "efficiency": (5 * 6, 4),
 }
 
@@ -125,5 +126,5 @@ def test_what_has_no_results_has_no_exhibit(results, tmp_path):
     ]
     some.frame = some.frame[some.frame.variant == "described"]
     names = {path.stem for path in write_report(some, tmp_path)}
-    assert names == {"table_1", "table_6", "table_11", "table_12", "figure_7"}
+    assert names == {"table_1", "table_6", "table_11", "table_12", "figure_6_time", "figure_7"}
     assert TABLE_1.table(some).published.tolist() == [100, 96, 88, 62]
