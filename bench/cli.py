@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench import cli_demos, cli_expert, cli_methods, cli_run, cli_status
+from bench.options import USAGE_ERROR, AsJson
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
@@ -30,9 +31,6 @@ app.command("check")(cli_methods.check)
 app.command("new-method")(cli_methods.new_method)
 for point in sorted(entry_points(group="bench.commands"), key=lambda point: point.name):
     app.command(point.name)(point.load())
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-USAGE_ERROR = 2
 
 
 @app.command("list")

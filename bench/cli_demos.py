@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bench.options import SOME_FAILED, TaskName
 from tasks.registry import TASKS, get_task
 
 if TYPE_CHECKING:
@@ -14,9 +15,7 @@ app = typer.Typer(
     no_args_is_help=True, help="Make demonstrations, and exchange them in Minari's format."
 )
 
-TaskName = Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")]
 Folder = Annotated[Path, typer.Argument(help="Folder of a Minari data set.")]
-SOME_FAILED = 3
 
 
 @app.command()

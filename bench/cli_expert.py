@@ -7,12 +7,11 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bench.options import AsJson, TaskName
 from tasks.errors import InputError
 from tasks.registry import get_task
 
 app = typer.Typer(no_args_is_help=True, help="Train and evaluate the experts.")
-
-TaskName = Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")]
 
 
 @app.command()
@@ -51,7 +50,7 @@ def evaluate(
     episodes: Annotated[int, typer.Option(help="How many starts, from the first.")] = 1000,
     split: Annotated[str, typer.Option(help="Where the starts come from.")] = "probe",
     physics: Annotated[str, typer.Option(help="Name of a physics variation.")] = "nominal",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure the success of a shipped expert, which acts without noise."""
     from scipy.stats import binomtest

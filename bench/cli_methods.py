@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
+from bench.options import SOME_FAILED, AsJson
 from tasks.errors import InputError
-
-SOME_FAILED = 3
 
 
 def check(
     method: Annotated[str, typer.Argument(help="Name of a method, as `bench list` shows it.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say rule by rule whether a method keeps the contract; exit code 3 unless it does."""
     from methods.checks import RULES

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bench.options import SOME_FAILED, AsJson
 from tasks.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from bench.presets import Study
 
-SOME_FAILED = 3
 Preset = Annotated[str, typer.Argument(help="smoke, quick or paper.")]
 Seeds = Annotated[str | None, typer.Option(help="A number of seeds, or 1,2,...")]
 Episodes = Annotated[int | None, typer.Option(help="Of each evaluation.")]
@@ -61,7 +61,7 @@ def plan(
     episodes: Episodes = None,
     settings: Settings = None,
     jobs: Jobs = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what a study will cost on this machine, after a short calibration."""
     from bench.plan import make_plan

@@ -7,7 +7,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from bench.store import KEY_DIGITS, Store
+from bench.store import Store, folder_name
 from tasks.errors import InputError
 
 
@@ -32,8 +32,8 @@ def merge(folders: Sequence[Path], out: Path) -> int:
             notes += [note for note in source.notes() if note not in notes]
         for source in sources:
             for label, entry in source.study().items():
-                name = f"{label}-{entry['key'][:KEY_DIGITS]}"
-                _copy_cell(source.cells / name, target, name)
+                name = folder_name(label, entry["key"])
+                _copy_cell(source.cells / name, target, target.cells / name)
             for folder in source.controllers.glob("*/"):
                 _copy_folder(folder, target, target.controllers / folder.name)
         target.write_study(study, notes)
@@ -50,13 +50,10 @@ def _check(label: str, known: dict[str, Any], entry: dict[str, Any], folder: Pat
         )
 
 
-def _copy_cell(source: Path, target: Store, name: str) -> None:
-    folder = target.cells / name
+def _copy_cell(source: Path, target: Store, folder: Path) -> None:
     if not source.exists():
         return
-    if not folder.exists():
-        _copy_folder(source, target, folder)
-        return
+    _copy_folder(source, target, folder)
     for path in source.glob("eval-*.parquet"):
         there = folder / path.name
         if not there.exists() or _episodes(there) < _episodes(path):

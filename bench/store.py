@@ -202,7 +202,7 @@ class Store:
         """
         self._require_results()
         folders = {
-            label: self.cells / f"{label}-{entry['key'][:KEY_DIGITS]}"
+            label: self.cells / folder_name(label, entry["key"])
             for label, entry in self.study().items()
         }
         paths = [
@@ -229,7 +229,7 @@ class Store:
         self._require_results()
         rows = []
         for label, entry in sorted(self.study().items()):
-            folder = self.cells / f"{label}-{entry['key'][:KEY_DIGITS]}"
+            folder = self.cells / folder_name(label, entry["key"])
             record = self._record(folder, entry["key"])
             for name, key in sorted(entry["evaluations"].items()) if record else ():
                 table = self._table(folder / f"{name}.parquet", entry["key"])
@@ -272,13 +272,13 @@ class Store:
         return self.folder / "failures" / f"{name}.json"
 
     def _cell(self, fit: Fit) -> Path:
-        return self.cells / f"{fit.label}-{fit.key[:KEY_DIGITS]}"
+        return self.cells / folder_name(fit.label, fit.key)
 
     def _evaluation(self, fit: Fit, evaluation: Evaluation) -> Path:
         return self._cell(fit) / f"{evaluation.name}.parquet"
 
     def _controller(self, controller: ControllerSpec) -> Path:
-        return self.controllers / f"{controller.label}-{controller.key[:KEY_DIGITS]}"
+        return self.controllers / folder_name(controller.label, controller.key)
 
     def _add(
         self,
@@ -335,6 +335,11 @@ class Store:
         target = place / f"{path.parent.name}-{path.name}-{len(list(place.iterdir()))}"
         path.rename(target)
         print(f"{path}: {reason}; set aside as {target}", file=sys.stderr)
+
+
+def folder_name(label: str, key: str) -> str:
+    """Returns the name of the folder of what has that label and key."""
+    return f"{label}-{key[:KEY_DIGITS]}"
 
 
 def _read_record(folder: Path, key: str) -> dict[str, Any]:

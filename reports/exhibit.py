@@ -1,6 +1,6 @@
 """An exhibit: a table of values by row and column, its figure and its caption."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 
 from reports.paper import published
 from reports.results import Results, rates
-from reports.style import MARKS, PUBLISHED, colour, display
+from reports.style import MARKS, PUBLISHED, TASKS, colour, display, ordered
 
-COLUMNS = ["row", "column", "value", "low", "high", "spread", "seeds", "n", "diverged"]
 FROM_PAPER = ["published", "published spread", "note"]
 
 
@@ -81,6 +80,17 @@ class Exhibit:
 def success_table(evaluations: pd.DataFrame, row: str, column: str) -> pd.DataFrame:
     """Returns success [%] by two columns of the evaluations, which become row and column."""
     return rates(evaluations, [row, column]).rename(columns={row: "row", column: "column"})
+
+
+def in_order(table: pd.DataFrame, rows: Sequence[str]) -> pd.DataFrame:
+    """Returns the table with its rows in the given order, others after them, columns by task."""
+    places = {
+        "row": {name: place for place, name in enumerate(ordered(table.row, rows))},
+        "column": {name: place for place, name in enumerate(TASKS)},
+    }
+    return table.sort_values(
+        ["row", "column"], key=lambda names: names.map(places[str(names.name)])
+    )
 
 
 def with_published(table: pd.DataFrame, name: str) -> pd.DataFrame:

@@ -2,9 +2,9 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, success_table, with_published
+from reports.exhibit import Exhibit, in_order, success_table, with_published
 from reports.results import SIZES, Results
-from reports.style import TASKS, display, ordered
+from reports.style import display
 
 
 def size_exhibit(number: int, method: str) -> Exhibit:
@@ -14,11 +14,7 @@ def size_exhibit(number: int, method: str) -> Exhibit:
     def table(results: Results) -> pd.DataFrame:
         found = results.select(method=method, split="validation")
         found = found[found.demos == found.demos.max()]
-        by_size = success_table(found, "size", "task")
-        places = {size: place for place, size in enumerate(ordered(by_size.row, SIZES))}
-        tasks = {task: place for place, task in enumerate(TASKS)}
-        order = by_size.assign(a=by_size.row.map(places), b=by_size.column.map(tasks))
-        return with_published(order.sort_values(["a", "b"]).drop(columns=["a", "b"]), name)
+        return with_published(in_order(success_table(found, "size", "task"), SIZES), name)
 
     return Exhibit(
         name=name,

@@ -1,6 +1,6 @@
 """How every figure looks: one colour and one hatch per method, legible in greyscale."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -39,7 +39,7 @@ def colour(row: str, place: int) -> str:
     return _COLOURS[index % len(_COLOURS)]
 
 
-def ordered(names: Any, order: tuple[str, ...]) -> list[str]:
+def ordered(names: Any, order: Sequence[str]) -> list[str]:
     """Returns the names that occur, in the given order, others after them."""
     found = list(dict.fromkeys(names))
     return [name for name in order if name in found] + sorted(set(found) - set(order))

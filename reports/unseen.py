@@ -2,18 +2,14 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, success_table
+from reports.exhibit import Exhibit, in_order, success_table
 from reports.results import Results
-from reports.style import METHODS, TASKS, ordered
+from reports.style import METHODS
 
 
 def success_by_method(results: Results, split: str) -> pd.DataFrame:
     """Returns success [%] on a split: a row for each method, a column for each task."""
-    found = success_table(results.main(split=split), "method", "task")
-    rows = {name: place for place, name in enumerate(ordered(found.row, METHODS))}
-    columns = {name: place for place, name in enumerate(TASKS)}
-    order = found.assign(a=found.row.map(rows), b=found.column.map(columns))
-    return order.sort_values(["a", "b"]).drop(columns=["a", "b"])
+    return in_order(success_table(results.main(split=split), "method", "task"), METHODS)
 
 
 def table(results: Results) -> pd.DataFrame:
