@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from methods.base import Parameters
 from tasks.data import Demos, FloatArray
@@ -36,7 +35,7 @@ class ControllerConfig:
 
 
 class Controller:
-    """A trained C. It computes in float32 on one thread."""
+    """A trained C. It computes in float32."""
 
     def __init__(self, weights: Parameters) -> None:
         """Takes ``layer0.weight`` (K, 2 H), ``layer0.bias`` (K,) and so on."""
@@ -49,7 +48,7 @@ class Controller:
         """Returns the actions (B, A) from x_r(t) (B, H) towards x_r(t+1) (B, H), not clipped."""
         *hidden, (weight, bias) = self._layers
         # What a diverged prediction asks for may not fit into float32: its episode will diverge.
-        with threadpool_limits(1, "blas"), np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             x = np.concatenate([present, wanted], axis=1).astype(np.float32)
             for inner_weight, inner_bias in hidden:
                 x = np.maximum(x @ inner_weight + inner_bias, 0)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from safetensors.numpy import load
-from threadpoolctl import threadpool_limits
 
 from tasks.base import Task
 from tasks.data import FloatArray
@@ -32,7 +31,7 @@ def expert_input(simulator: Simulator) -> FloatArray:
 class Expert:
     """A policy without memory: normalised inputs, tanh layers, linear output.
 
-    It computes in float64 on one thread, so that its actions do not depend on the machine's load.
+    It computes in float64.
     """
 
     def __init__(self, weights: dict[str, FloatArray]) -> None:
@@ -49,10 +48,9 @@ class Expert:
         """Returns the actions (B, A), not clipped."""
         x = np.clip((expert_input(simulator) - self._mean) / self._std, -CLIP, CLIP)
         *hidden, (weight, bias) = self._layers
-        with threadpool_limits(1):
-            for inner_weight, inner_bias in hidden:
-                x = np.tanh(x @ inner_weight + inner_bias)
-            return x @ weight + bias
+        for inner_weight, inner_bias in hidden:
+            x = np.tanh(x @ inner_weight + inner_bias)
+        return x @ weight + bias
 
 
 def evaluate(
