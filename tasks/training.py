@@ -158,6 +158,8 @@ class EpisodesEnv(VecEnv):
         self.first = 0
         self.calm = 0.0
         """Share of the prices on jerk and speed that is asked for at present."""
+        self.offset = 0.0
+        """Standard deviation of the actions' error at present."""
         self.success = 0.0
         """Success of the episodes that ended last, with action noise."""
         self.earned = 0.0
@@ -180,7 +182,7 @@ class EpisodesEnv(VecEnv):
     def step_wait(self) -> tuple[FloatArray, FloatArray, FloatArray, list[dict[str, Any]]]:
         """Returns observations, rewards and ends of the step, and no further information."""
         actions = np.clip(self._actions, -1.0, 1.0)
-        self.simulator.step(actions)
+        self.simulator.step(np.clip(actions + self.offset * self._error, -1.0, 1.0))
         self._readings.append(self.simulator.read())
         rewards = self._reward(actions)
         self._rewards.append(rewards)
@@ -200,6 +202,8 @@ class EpisodesEnv(VecEnv):
         self._readings: list[FloatArray] = []
         self._rewards: list[FloatArray] = []
         self._previous = None
+        rng = generator("error of the actions", self.task.name, self.first)
+        self._error = rng.standard_normal((self.recipe.episodes, self.task.layout.action_dim))
 
     def _observe(self) -> FloatArray:
         elapsed = np.full((len(self.simulator.starts), 1), len(self._readings) / self.task.horizon)
@@ -248,6 +252,7 @@ class Progress(BaseCallback):
     def _on_rollout_start(self) -> None:
         steps = self.model.num_timesteps
         self.episodes.calm = self.recipe.calm_at(steps)
+        self.episodes.offset = self.recipe.offset_at(steps)
         self.model.policy.log_std.data.clamp_(max=float(np.log(self.recipe.noise_at(steps))))
         if self.model.num_timesteps > self.saved_steps:
             self.save()

@@ -102,6 +102,23 @@ def test_training_starts_are_new_in_each_iteration(recipe, task):
     assert not set(first) & set(environment.simulator.starts.index.tolist())
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_error_of_the_actions_stays_for_an_episode_and_is_another_in_the_next(recipe, task):
+    environment = training.EpisodesEnv(task, recipe, 1)
+    environment.offset = 0.1
+
+    def control():
+        environment.step_async(np.zeros((EPISODES, task.layout.action_dim)))
+        environment.step_wait()
+        return environment.simulator.batch.ctrl.copy()
+
+    first = control()
+    np.testing.assert_array_equal(control(), first)
+    assert np.ptp(first, axis=0).all()
+    environment.reset()
+    assert (control() != first).all()
+
+
 def test_rewards_are_finite_and_rise_where_the_rule_is_met(task):
     simulator = Simulator(task, task.sample("train", 5))
     reward = RECIPES[task.name].reward
