@@ -4,7 +4,7 @@ import json
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -14,6 +14,7 @@ from tasks.errors import InputError, unknown_name
 if TYPE_CHECKING:
     from bench.presets import Study
 
+Number = TypeVar("Number", int, float)
 Preset = Annotated[str, typer.Argument(help="smoke, quick or paper.")]
 Seeds = Annotated[str | None, typer.Option(help="A number of seeds, or 1,2,...")]
 Episodes = Annotated[int | None, typer.Option(help="Of each evaluation.")]
@@ -36,12 +37,26 @@ def run(
     episodes: Episodes = None,
     settings: Settings = None,
     jobs: Jobs = None,
+    backend: Annotated[str, typer.Option(help="loky, dask or another of joblib's.")] = "loky",
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
+    limit: Annotated[float | None, typer.Option(help="Minutes that a job may take.")] = None,
 ) -> None:
     """Run a study; the same command again computes what is missing."""
+    from bench.backend import Workers
+    from bench.run import default_jobs
     from bench.run import run as run_study
 
     study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
-    outcome = run_study(study, out, None if jobs is None else _positive("jobs", jobs))
+    count = default_jobs() if jobs is None else _positive("jobs", jobs)
+    seconds = None if limit is None else 60 * _positive("limit", limit)
+    try:
+        outcome = run_study(study, out, Workers(count, backend, scheduler, seconds))
+    except OSError as error:
+        print(f"bench: {error}; what is stored is whole, the same command goes on", file=sys.stderr)
+        raise typer.Exit(SOME_FAILED) from error
+    except KeyboardInterrupt:
+        print("stopped; the same command goes on", file=sys.stderr)
+        raise
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
     print(f"{outcome.done} results computed, {outcome.cells} cells in {outcome.folder}")
@@ -130,7 +145,7 @@ def _names(kind: str, text: str, known: Any) -> tuple[str, ...]:
     return tuple(name for name in known if name in names)
 
 
-def _positive(option: str, value: int) -> int:
+def _positive(option: str, value: Number) -> Number:
     if value < 1:
         raise InputError(f"--{option} must be 1 or more, got {value}")
     return value

@@ -8,23 +8,21 @@ one that writes results.
 import os
 import platform
 import time
-import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import joblib
 import numpy as np
-from joblib import Parallel, delayed
-from threadpoolctl import threadpool_limits
 
+from bench.backend import Call, Failure, Interrupts, Workers, answers, workers
 from bench.controller import Controller, train_controller
 from bench.experiments import cells_of, chosen_sizes, first_wave
 from bench.presets import Study
-from bench.progress import Progress
+from bench.progress import Cost, Progress
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
@@ -53,7 +51,7 @@ class Outcome:
     """What failed, each with its reason; the same run again tries it again."""
 
 
-def run(study: Study, folder: Path, jobs: int | None = None) -> Outcome:
+def run(study: Study, folder: Path, where: Workers | None = None) -> Outcome:
     """Computes and stores what is missing of a study; the same call again goes on.
 
     Where the study compares sizes, the sizes that do best decide the cells of the rest.
@@ -61,25 +59,32 @@ def run(study: Study, folder: Path, jobs: int | None = None) -> Outcome:
     Args:
         study: what is asked for.
         folder: the results folder, made if need be.
-        jobs: processes at a time; BENCH_JOBS, or one for each core, unless told.
+        where: who does the jobs; as many processes as `default_jobs` says unless told.
 
     Raises:
         InputError: the study asks for what does not exist, or another run writes to the folder.
+        KeyboardInterrupt: Ctrl-C; what had ended is stored.
     """
-    jobs = jobs or default_jobs()
+    where = where or Workers(default_jobs())
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = {task: demos_key(get_task(task)) for task in study.tasks}
     # The largest study there can be, so that what does not exist is refused before anything runs.
     cells_of(study, recipes)
     store = Store(folder)
-    with store.locked(), Progress() as progress:
-        runner = _Runner(store, jobs, progress)
+    with (
+        workers(where),
+        store.locked(),
+        Progress(where.jobs) as progress,
+        Interrupts() as interrupts,
+    ):
+        runner = _Runner(store, where, progress, interrupts)
         compared = first_wave(study, recipes)
         runner.compute(compared, study.note)
         cells = cells_of(study, recipes, chosen_sizes(study, store.frame()) if compared else {})
         runner.compute(cells, study.note)
-    return Outcome(folder, runner.done, len(cells), tuple(runner.failed))
+    failed = tuple(f"{label}: {reason}" for label, reason in runner.failed.items())
+    return Outcome(folder, runner.done, len(cells), failed)
 
 
 def default_jobs() -> int:
@@ -102,14 +107,16 @@ def cores() -> int:
 class _Runner:
     """Computes cells: controllers, then fits, then evaluations."""
 
-    def __init__(self, store: Store, jobs: int, progress: Progress) -> None:
-        self.store, self.jobs, self.progress = store, jobs, progress
+    def __init__(
+        self, store: Store, where: Workers, progress: Progress, interrupts: Interrupts
+    ) -> None:
+        self.store, self.where = store, where
+        self.progress, self.interrupts = progress, interrupts
         self.done = 0
-        self.failed: list[str] = []
-        self._tried: set[str] = set()
+        self.failed: dict[str, str] = {}
 
     def compute(self, cells: Sequence[Cell], note: str) -> None:
-        """Computes what is missing of the cells, but for what this run has tried in vain."""
+        """Computes what is missing of the cells, but for what has failed in this run."""
         if cells:
             self.store.ask_for(cells, note)
             self._controllers(cells)
@@ -122,7 +129,7 @@ class _Runner:
         self._dispatch(
             "controllers",
             controller_job,
-            [((spec,), spec.label) for spec in missing],
+            [[spec] for spec in missing],
             lambda specs: (specs[0], _controller_demos(specs[0])),
             lambda spec, result: self.store.add_controller(spec, result[0], _facts(result[1])),
         )
@@ -133,25 +140,25 @@ class _Runner:
         for fit in missing:
             if fit.method == EXPERT:
                 self.store.add_fit(fit, {}, {}, _facts(0.0))
-        learning = [fit for fit in missing if fit.method != EXPERT]
         blocks: dict[str, list[Fit]] = {}
-        for fit in learning:
-            blocks.setdefault(replace(fit, seed=0).key, []).append(fit)
+        for fit in missing:
+            if fit.method != EXPERT:
+                blocks.setdefault(replace(fit, seed=0).key, []).append(fit)
         self._dispatch(
             "fits",
             fit_job,
-            [(tuple(block), _block_label(block)) for block in blocks.values()],
+            list(blocks.values()),
             lambda fits: (fits, _training(fits[0].task, fits[0].demos), _validation(fits[0].task)),
             lambda fit, result: self.store.add_fit(fit, result[0], result[1], _facts(result[2])),
         )
 
     def _evaluations(self, cells: Iterable[Cell]) -> None:
         missing = [piece for cell in cells if (piece := self._missing(cell))]
-        threads = max(1, cores() // self.jobs)
+        threads = max(1, cores() // self.where.jobs)
         self._dispatch(
             "evaluations",
             evaluation_job,
-            [((piece,), piece.label) for piece in missing],
+            [[piece] for piece in missing],
             lambda pieces: (pieces[0], *self._learnt(pieces[0].cell), threads),
             lambda piece, result: self.store.add_episodes(
                 piece.cell.fit, piece.cell.evaluation, result, piece.keep
@@ -180,39 +187,47 @@ class _Runner:
 
     def _dispatch(
         self,
-        kind: str,
+        round_: str,
         job: Callable[..., list[Any]],
-        work: Iterable[tuple[tuple[Any, ...], str]],
-        arguments: Callable[[tuple[Any, ...]], tuple[Any, ...]],
+        groups: Iterable[Sequence[Any]],
+        arguments: Callable[[Any], tuple[Any, ...]],
         commit: Callable[[Any, Any], None],
     ) -> None:
-        """Runs a job for each group of results that go together, and commits what comes of it."""
-        groups = [(group, label) for group, label in work if label not in self._tried]
-        if not groups:
+        """Runs a job for each group of what goes together, and commits what comes of it.
+
+        A group whose job fails is tried again one by one.
+        """
+        left = [[one for one in group if one.label not in self.failed] for group in groups]
+        left = [group for group in left if group]
+        if not left:
             return
-        self.progress.begin(kind, len(groups))
-        parallel = Parallel(self.jobs, return_as="generator_unordered")
-        calls = (delayed(_attempt)(i, job, arguments(group)) for i, (group, _) in enumerate(groups))
-        for index, results in parallel(calls):
-            group, label = groups[index]
-            self._tried.add(label)
-            for one, result in zip(group, results, strict=True):
-                if isinstance(result, Failure):
-                    self.store.add_failure(one.label, result.reason, result.traceback)
-                    self.failed.append(f"{one.label}: {result.reason}")
-                else:
+        self.progress.begin(round_, [_cost(group) for group in left])
+        calls = [partial(_call, job, arguments, group) for group in left]
+        apart = []
+        for index, answer in answers(calls, self.where, self.interrupts):
+            group = left[index]
+            if not isinstance(answer.result, Failure):
+                for one, result in zip(group, answer.result, strict=True):
                     commit(one, result)
                     self.store.clear_failure(one.label)
                     self.done += 1
-            self.progress.advance(label)
+            elif len(group) == 1:
+                self._fail(group[0].label, answer.result)
+            else:
+                apart += [[one] for one in group]
+            self.progress.advance(index, answer.seconds, _label(group))
+        self.interrupts.check()
+        self._dispatch(round_, job, apart, arguments, commit)
+
+    def _fail(self, label: str, failure: Failure) -> None:
+        self.store.add_failure(label, failure.reason, failure.traceback, failure.tries)
+        self.failed[label] = failure.reason
 
 
-@dataclass(frozen=True)
-class Failure:
-    """Why there is no result."""
-
-    reason: str
-    traceback: str
+def _call(
+    job: Callable[..., list[Any]], arguments: Callable[[Any], tuple[Any, ...]], group: Sequence[Any]
+) -> Call:
+    return job, arguments(group)
 
 
 @dataclass(frozen=True)
@@ -230,7 +245,7 @@ class _Piece:
 
 
 # Jobs. Each depends on its arguments alone, runs in whichever process, and returns a list with one
-# result, or failure, for each thing that it was to make.
+# result for each thing that it was to make.
 def controller_job(spec: ControllerSpec, demos: Demos) -> list[tuple[Parameters, float]]:
     """Returns a controller's weights, and the seconds that they took."""
     began = time.perf_counter()
@@ -240,21 +255,13 @@ def controller_job(spec: ControllerSpec, demos: Demos) -> list[tuple[Parameters,
 
 def fit_job(
     fits: Sequence[Fit], demos: Demos, validation: Demos
-) -> list[tuple[Parameters, Parameters, float] | Failure]:
-    """Returns for each seed what was learnt, its diagnostics, and its share of the seconds.
-
-    Where the seeds cannot be trained together, each is tried alone.
-    """
+) -> list[tuple[Parameters, Parameters, float]]:
+    """Returns for each seed what was learnt, its diagnostics, and its share of the seconds."""
     method = fits[0].build()
     began = time.perf_counter()
-    try:
-        fitted = type(method).fit_seeds(
-            method.config, method.layout, demos, validation, [fit.seed for fit in fits]
-        )
-    except Exception as error:
-        if len(fits) == 1:
-            return [_failure(error)]
-        return [result for fit in fits for result in fit_job([fit], demos, validation)]
+    fitted = type(method).fit_seeds(
+        method.config, method.layout, demos, validation, [fit.seed for fit in fits]
+    )
     seconds = (time.perf_counter() - began) / len(fits)
     return [
         (one.parameters(), {**one.diagnostics(), **imitation_error(one, validation)}, seconds)
@@ -279,8 +286,7 @@ def evaluation_job(
     task = get_task(piece.cell.fit.task)
     policy = make_policy(piece.cell.fit, parameters, controller)
     physics = piece.cell.evaluation.physics
-    with threadpool_limits(1):
-        return [rollout(task, piece.starts, policy, physics, threads=threads)]
+    return [rollout(task, piece.starts, policy, physics, threads=threads)]
 
 
 def make_policy(fit: Fit, parameters: Parameters, controller: Parameters) -> Policy:
@@ -295,24 +301,19 @@ def make_policy(fit: Fit, parameters: Parameters, controller: Parameters) -> Pol
     return FeedbackPolicy(method)
 
 
-def _attempt(
-    index: int, job: Callable[..., list[Any]], arguments: tuple[Any, ...]
-) -> tuple[int, list[Any]]:
-    """Does a job; whatever it raises becomes the one result."""
-    try:
-        return index, job(*arguments)
-    except Exception as error:
-        return index, [_failure(error)]
+def _label(group: Sequence[Any]) -> str:
+    """The label of one thing, or of fits that differ in their seeds."""
+    return str(group[0].label) + "".join(f",{fit.seed}" for fit in group[1:])
 
 
-def _failure(error: Exception) -> Failure:
-    lines = traceback.format_exception(error)
-    return Failure(f"{type(error).__name__}: {error}", "".join(lines))
-
-
-def _block_label(fits: Sequence[Fit]) -> str:
-    seeds = ",".join(str(fit.seed) for fit in fits)
-    return fits[0].label if len(fits) == 1 else f"{fits[0].label.rsplit('-s', 1)[0]}-s{seeds}"
+def _cost(group: Sequence[Any]) -> Cost:
+    first = group[0]
+    if isinstance(first, Fit):
+        kind = (first.task, first.method, first.variant, first.size)
+        return Cost(" ".join(kind), len(group) * first.demos * first.config.get("epochs", 1))
+    if isinstance(first, ControllerSpec):
+        return Cost(first.task, first.demos * first.config.epochs)
+    return Cost(first.cell.fit.task, len(first.starts))
 
 
 @cache

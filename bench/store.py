@@ -249,11 +249,11 @@ class Store:
         return frame
 
     # Failures
-    def add_failure(self, label: str, reason: str, traceback: str) -> None:
-        """Notes why there is no result of that label, and how often it was tried."""
+    def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
+        """Notes why there is no result of that label, and how often it was tried in all."""
         path = self._failure(label)
-        tries = json.loads(path.read_bytes())["tries"] if path.exists() else 0
-        entry = {"label": label, "tries": tries + 1, "reason": reason, "traceback": traceback}
+        tries += json.loads(path.read_bytes())["tries"] if path.exists() else 0
+        entry = {"label": label, "tries": tries, "reason": reason, "traceback": traceback}
         path.parent.mkdir(exist_ok=True)
         self.write(path, json.dumps(entry, indent=2).encode())
 

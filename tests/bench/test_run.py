@@ -13,6 +13,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from bench.backend import Workers
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
 from bench.presets import get_preset
 from bench.run import run
@@ -58,10 +59,10 @@ class TestInProcess:
     def test_more_episodes_extend_what_is_there(self, task, smoke, tmp_path, monkeypatch):
         monkeypatch.setattr(type(task), "success", lambda self, r: (1e6 * r[:, -1]) % 2 < 1)
         study = replace(get_preset("smoke"), episodes={"success": 503})
-        run(study, tmp_path / "grown", jobs=1)
+        run(study, tmp_path / "grown", Workers(1))
         larger = replace(study, episodes={"success": 510})
-        assert run(larger, tmp_path / "grown", jobs=1).done == 2
-        run(larger, tmp_path / "at once", jobs=1)
+        assert run(larger, tmp_path / "grown", Workers(1)).done == 2
+        run(larger, tmp_path / "at once", Workers(1))
         assert files_of(tmp_path / "grown") == files_of(tmp_path / "at once")
 
     def test_status_counts_what_is_done(self, task, smoke, bench, tmp_path):
@@ -110,12 +111,12 @@ class TestInProcess:
 
     def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys):
         study = get_preset("smoke")
-        run(study, tmp_path, jobs=1)
+        run(study, tmp_path, Workers(1))
         before = files_of(tmp_path)
         path = next(tmp_path.glob("cells/door-kodex*/weights.safetensors"))
         path.write_bytes(path.read_bytes()[:-1])
         # The fit and all three evaluations of it.
-        assert run(study, tmp_path, jobs=1).done == 4
+        assert run(study, tmp_path, Workers(1)).done == 4
         assert files_of(tmp_path) == before
         assert "set aside" in capsys.readouterr().err
 

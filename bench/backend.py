@@ -1,0 +1,296 @@
+"""Where jobs run: joblib's backends, what becomes of a job whose worker dies, and Ctrl-C."""
+
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from ipaddress import ip_address
+from time import perf_counter
+from types import FrameType
+from typing import Any
+from urllib.parse import urlsplit
+
+from joblib import Parallel, delayed, parallel_config
+from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS
+
+from tasks.errors import InputError, unknown_name
+
+TRIES = 3
+"""How often a job is tried whose worker dies while nothing else is on its way."""
+GRACE = 4.0
+"""Seconds after Ctrl-C in which what ends is still kept."""
+SHARED_MEMORY = ("multiprocessing", "threading")
+"""Backends that are refused: simulations hang in forked processes, and threads share the random
+stream that torch initialises networks from."""
+
+Job = Callable[..., Any]
+Call = tuple[Job, tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no result."""
+
+    reason: str
+    traceback: str
+    tries: int = 1
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What became of a job."""
+
+    result: Any
+    """What the job returned, or a `Failure`."""
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the jobs."""
+
+    jobs: int
+    """How many at a time."""
+    backend: str = "loky"
+    """loky, dask, or the name under which another is registered with joblib."""
+    scheduler: str | None = None
+    """Address of a dask scheduler; a cluster of this machine's own unless told."""
+    limit: float | None = None
+    """Seconds after which a job fails, if any."""
+
+    def check(self) -> None:
+        """Raises InputError if there is no such backend, or it cannot be used so."""
+        known = [name for name in {**BACKENDS, **EXTERNAL_BACKENDS} if name not in SHARED_MEMORY]
+        if self.backend in SHARED_MEMORY:
+            raise InputError(
+                f"the jobs of backend {self.backend!r} share one memory, and ours must not: choose"
+                f" from {', '.join(known)}"
+            )
+        if self.backend not in known:
+            raise unknown_name("backend", self.backend, known)
+        if self.scheduler is not None and self.backend != "dask":
+            raise InputError(f"--scheduler is for the backend dask, not for {self.backend!r}")
+        if self.limit is not None and self.backend == "dask":
+            raise InputError("--limit is not for the backend dask: limit its workers instead")
+
+
+class Interrupts:
+    """Turns Ctrl-C, or SIGTERM, into a request to stop; the second one stops at once.
+
+    After the first no more jobs are sent, and what ends within `GRACE` is kept. A context manager.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._timer = threading.Timer(GRACE, os.kill, (os.getpid(), signal.SIGINT))
+        self._timer.daemon = True
+
+    def __enter__(self) -> "Interrupts":
+        heard = threading.current_thread() is threading.main_thread()
+        numbers = (signal.SIGINT, signal.SIGTERM) if heard else ()
+        self._before = {number: signal.signal(number, self._stop) for number in numbers}
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._timer.cancel()
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def check(self) -> None:
+        """Raises KeyboardInterrupt if a stop was asked for."""
+        if self.asked:
+            raise KeyboardInterrupt
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        self.check()
+        self.asked = True
+        print(
+            f"stopping: what ends within {GRACE:.0f} s is kept; Ctrl-C again stops at once",
+            file=sys.stderr,
+        )
+        self._timer.start()
+
+
+@contextmanager
+def workers(where: Workers) -> Iterator[None]:
+    """Sends the jobs of `answers` to a backend.
+
+    Raises:
+        InputError: there is no such backend, or it cannot be used so.
+    """
+    where.check()
+    if where.backend == "dask":
+        with _dask_client(where.scheduler, where.jobs), parallel_config(_dask_backend()):
+            yield
+    elif where.backend == "loky":
+        with parallel_config("loky", initializer=_ignore_ctrl_c):
+            yield
+    else:
+        with parallel_config(where.backend):
+            yield
+
+
+def answers(
+    calls: Sequence[Callable[[], Call]], where: Workers, interrupts: Interrupts
+) -> Iterator[tuple[int, Answer]]:
+    """Yields the answer of each job with its index, as they end.
+
+    A job whose worker dies is tried again, alone, so that it is known who is to blame.
+
+    Args:
+        calls: each returns a job and its arguments, once it is to be sent.
+        where: what `workers` was given.
+        interrupts: when to stop sending.
+    """
+
+    def send(indices: Iterable[int]) -> Iterator[Any]:
+        for index in indices:
+            if interrupts.asked:
+                return
+            sent.append(index)
+            yield delayed(_attempt)(index, where.limit, *calls[index]())
+
+    left = dict.fromkeys(range(len(calls)))
+    while left and not interrupts.asked:
+        sent: list[int] = []
+        try:
+            for index, answer in _parallel(where.jobs)(send(list(left))):
+                del left[index]
+                yield index, answer
+        except Exception:
+            # A job returns what it raises: this comes from the backend, which has lost a worker.
+            for index in [index for index in sent if index in left]:
+                if interrupts.asked:
+                    return
+                del left[index]
+                yield index, _alone(calls[index], where)
+
+
+def _parallel(jobs: int) -> Parallel:
+    # No more is sent than works, so that few are under suspicion when a worker dies.
+    return Parallel(jobs, return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
+
+
+def _alone(call: Callable[[], Call], where: Workers) -> Answer:
+    """The answer of a job that nothing else runs beside."""
+    for _ in range(TRIES):
+        try:
+            # Two, because joblib runs one job in this very process.
+            ((_, answer),) = _parallel(max(2, where.jobs))(
+                [delayed(_attempt)(0, where.limit, *call())]
+            )
+            return answer
+        except Exception as error:
+            reason = f"its worker died {TRIES} times, or ran out of memory: {type(error).__name__}"
+            failure = Failure(reason, str(error), TRIES)
+    return Answer(failure, 0.0)
+
+
+def _attempt(
+    index: int, limit: float | None, job: Job, arguments: tuple[Any, ...]
+) -> tuple[int, Answer]:
+    """Does a job; whatever it raises becomes its result."""
+    began = perf_counter()
+    try:
+        with _limited(limit):
+            result = job(*arguments)
+    except Exception as error:
+        lines = "".join(traceback.format_exception(error))
+        result = Failure(f"{type(error).__name__}: {error}", lines)
+    return index, Answer(result, perf_counter() - began)
+
+
+@contextmanager
+def _limited(seconds: float | None) -> Iterator[None]:
+    if seconds is None:
+        yield
+        return
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError(f"more than the {seconds / 60:g} minutes that a job may take")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _ignore_ctrl_c() -> None:
+    """A terminal's Ctrl-C reaches the workers too, and the driver alone decides."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _dask_client(scheduler: str | None, jobs: int) -> Iterator[None]:
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise InputError("the backend dask needs: pip install 'kodex-bench[dask]'") from error
+    # Jobs carry their demonstrations, tens of megabytes, on purpose.
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"})
+    if scheduler is None:
+        cluster = LocalCluster(
+            n_workers=jobs,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            worker_dashboard_address=None,
+        )
+        with cluster, Client(cluster):
+            yield
+        return
+    _check_address(scheduler)
+    try:
+        client = Client(scheduler, timeout=10)
+    except OSError as error:
+        raise InputError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
+    with client:
+        threads = {name: w["nthreads"] for name, w in client.scheduler_info(-1)["workers"].items()}
+        for name, count in threads.items():
+            if count != 1:
+                raise InputError(
+                    f"dask worker {name} has {count} threads: start it with --nthreads 1"
+                )
+        yield
+
+
+def _dask_backend() -> Any:
+    """Joblib's, mended in two places."""
+    from joblib._dask import DaskDistributedBackend
+
+    class DaskBackend(DaskDistributedBackend):
+        # Of one worker joblib would make none, and do the jobs in this process.
+        def effective_n_jobs(self, n_jobs: int) -> int:
+            return max(2, super().effective_n_jobs(n_jobs))
+
+        # When a job is lost with its worker, joblib hears nothing and waits on.
+        def submit(self, func: Any, callback: Any = None) -> Any:
+            future = super().submit(func, callback)
+            future.add_done_callback(
+                lambda done: callback(done.exception()) if done.exception() else None
+            )
+            return future
+
+    return DaskBackend()
+
+
+def _check_address(scheduler: str) -> None:
+    """Refuses what would send demonstrations and code over a network in the open."""
+    parts = urlsplit(scheduler)
+    try:
+        loopback = parts.hostname == "localhost" or ip_address(parts.hostname or "").is_loopback
+    except ValueError:
+        loopback = False
+    if not (parts.scheme == "tls" or (parts.scheme == "tcp" and loopback)):
+        raise InputError(
+            f"--scheduler takes tls://HOST:PORT, or tcp://127.0.0.1:PORT, got {scheduler!r}:"
+            " whoever reaches a plain dask scheduler can run code on its workers"
+        )

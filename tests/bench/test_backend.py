@@ -1,0 +1,142 @@
+"""Jobs that fail, hang, or whose worker dies, on each backend."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+from joblib.externals.loky import reusable_executor
+
+from bench.backend import TRIES, Failure, Interrupts, Workers, answers, workers
+from tasks.errors import InputError
+
+BACKENDS = ("loky", "dask")
+
+
+def outcome(jobs, where):
+    """What each job gave, in their order; no job may give two answers."""
+    found = {}
+    with workers(where), Interrupts() as interrupts:
+        for index, answer in answers([partial(tuple, job) for job in jobs], where, interrupts):
+            assert index not in found
+            found[index] = answer.result
+    return [found[index] for index in range(len(jobs))]
+
+
+@pytest.mark.parametrize("backend", ["sequential", *BACKENDS])
+def test_a_job_that_raises_leaves_its_reason_and_the_rest_goes_on(backend):
+    jobs = [(math.sqrt, (value,)) for value in (4.0, -1.0, 9.0)]
+    first, failure, last = outcome(jobs, Workers(2, backend))
+    assert (first, last) == (2.0, 3.0)
+    assert failure.reason.startswith("ValueError: ")
+    assert "math" in failure.reason
+    assert failure.tries == 1
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.filterwarnings("ignore")  # of the worker that is no more
+def test_a_job_that_kills_its_worker_is_tried_alone_and_then_blamed(backend):
+    jobs = [(math.sqrt, (4.0,)), (os.abort, ()), *[(math.sqrt, (9.0,))] * 5]
+    first, failure, *rest = outcome(jobs, Workers(2, backend))
+    assert [first, *rest] == [2.0, *[3.0] * 5]
+    assert isinstance(failure, Failure)
+    assert failure.tries == TRIES
+    assert failure.reason.startswith(f"its worker died {TRIES} times")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_innocent_jobs_survive_the_death_of_workers():
+    draw = np.random.default_rng(0)
+
+    def kill():
+        for _ in range(3):
+            time.sleep(draw.uniform(0.5, 1.5))
+            os.kill(next(iter(reusable_executor._executor._processes)), signal.SIGKILL)
+
+    threading.Thread(target=kill, daemon=True).start()
+    assert outcome([(time.sleep, (0.5,))] * 12, Workers(2)) == [None] * 12
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_arguments_as_large_as_demonstrations_arrive(backend):
+    large = np.ones((250, 100, 100))
+    jobs = [(np.sum, (large + i,)) for i in range(6)]
+    sums = [large.size * (1.0 + i) for i in range(6)]
+    assert outcome(jobs, Workers(2, backend)) == sums
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_job_may_not_take_longer_than_the_limit(jobs):
+    where = Workers(jobs, limit=0.3)
+    quick, slow = outcome([(time.sleep, (0.01,)), (time.sleep, (30,))], where)
+    assert quick is None
+    assert slow.reason == "TimeoutError: more than the 0.005 minutes that a job may take"
+
+
+@pytest.mark.parametrize(
+    ("where", "answer"),
+    [
+        (Workers(1, "lok"), "did you mean 'loky'"),
+        (Workers(1, "threading"), "share one memory"),
+        (Workers(1, "multiprocessing"), "share one memory"),
+        (Workers(1, "loky", "tcp://127.0.0.1:1"), "--scheduler is for the backend dask"),
+        (Workers(1, "dask", "tcp://10.0.0.1:8786"), "takes tls://HOST:PORT"),
+        (Workers(1, "dask", "example.org"), "takes tls://HOST:PORT"),
+        (Workers(1, "dask", "http://localhost:1"), "takes tls://HOST:PORT"),
+        (Workers(1, "dask", limit=60), "--limit is not for the backend dask"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(where, answer):
+    with pytest.raises(InputError, match=answer), workers(where):
+        pass
+
+
+SLEEPERS = """
+import sys, time
+from functools import partial
+from bench.backend import Interrupts, Workers, answers, workers
+where = Workers(int(sys.argv[1]))
+jobs = [(time.sleep, (seconds,)) for seconds in (0.1, 2.5, 60, 60)]
+with workers(where), Interrupts() as interrupts:
+    for index, answer in answers([partial(tuple, job) for job in jobs], where, interrupts):
+        print(index, flush=True)
+    interrupts.check()
+"""
+
+
+@pytest.mark.parametrize(("jobs", "times"), [(1, 1), (2, 1), (2, 2)])
+def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times):
+    running = subprocess.Popen(
+        [sys.executable, "-c", SLEEPERS, str(jobs)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert running.stdout.readline() == "0\n"
+    for _ in range(times):
+        os.killpg(running.pid, signal.SIGINT)
+        time.sleep(0.5)
+    out, err = running.communicate(timeout=60)
+    # Once: the job of 2.5 s may end. Twice: nothing may.
+    assert out == ("1\n" if times == 1 else "")
+    assert "KeyboardInterrupt" in err
+    assert "stopping" in err
+    assert ends_within(10, running.pid)
+
+
+def ends_within(seconds, group):
+    """Whether no process of the group is left after so long."""
+    for _ in range(10 * seconds):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
