@@ -311,9 +311,8 @@ def _ours(claim: Claim, results: Results) -> tuple[str, str]:
         if left is None or right is None:
             return "not run", f"no results of {contrast.left if left is None else contrast.right}"
         starts = min(left.shape[1], right.shape[1])
-        difference = paired_difference(left[:, :starts], right[:, :starts], str(contrast))
-        value, low, high = (100 * number for number in difference)
-        measured.append((contrast, value, low, high))
+        found = paired_difference(left[:, :starts], right[:, :starts], str(contrast))
+        measured.append((contrast, 100 * found.value, 100 * found.low, 100 * found.high))
     against = [m for m in measured if m[3] <= m[0].margin]
     open_ = [m for m in measured if m[2] <= m[0].margin]
     verdict = "contradicted" if against else "undecided" if open_ else "reproduced"

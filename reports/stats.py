@@ -1,6 +1,7 @@
 """Statistics of success rates."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import binomtest, trim_mean
@@ -44,14 +45,23 @@ def bootstrap(successes: IntArray, episodes: IntArray, name: object) -> tuple[fl
     return float(low), float(high)
 
 
+class Difference(NamedTuple):
+    """Of two success rates, as fractions, with its 95% interval and two-sided p-value."""
+
+    value: float
+    low: float
+    high: float
+    p: float
+
+
 def paired_difference(
     left: BoolArray, right: BoolArray, name: object, resamples: int = 2000
-) -> tuple[float, float, float]:
-    """Returns left minus right, and its 95% interval, of two methods on the same starts.
+) -> Difference:
+    """Returns left minus right of two methods on the same starts, by a hierarchical bootstrap.
 
     Both seeds and starts are drawn with replacement; the starts are the same for both methods, so
     that what makes a start hard for both does not blur the difference. One fit, as of a method
-    without seeds, is drawn again and again.
+    without seeds, is drawn again and again. Of two single fits, p is that of McNemar's exact test.
 
     Args:
         left: (S, N) success of each seed's fit from each start.
@@ -72,7 +82,10 @@ def paired_difference(
             means.append(np.take_along_axis(rates, seeds, axis=1).mean(axis=1))
         differences[first : first + count] = means[0] - means[1]
     low, high = np.quantile(differences, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return float(left.mean() - right.mean()), float(low), float(high)
+    beyond = 1 + min((differences <= 0).sum(), (differences >= 0).sum())
+    single = len(left) == len(right) == 1
+    p = mcnemar(left[0], right[0]) if single else min(1.0, 2 * beyond / (1 + resamples))
+    return Difference(float(left.mean() - right.mean()), float(low), float(high), float(p))
 
 
 def mcnemar(left: BoolArray, right: BoolArray) -> float:

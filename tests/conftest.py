@@ -21,12 +21,28 @@ settings.load_profile("suite")
 
 
 def pytest_addoption(parser):
-    parser.addoption("--kills", type=int, default=1, help="how often a run is killed")
+    parser.addoption("--times", type=int, default=1, help="how often each kind of harm is done")
 
 
 @pytest.fixture
-def kills(request):
-    return request.config.getoption("--kills")
+def times(request):
+    return request.config.getoption("--times")
+
+
+@pytest.fixture
+def files_of():
+    """The SHA-256 of every file of a results folder that must not depend on how a run went."""
+
+    def hashes(folder):
+        kinds = ("*.parquet", "weights.safetensors", "tables/*", "figures/*")
+        return {
+            str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+            for kind in kinds
+            for path in folder.rglob(kind)
+            if not {"damaged", ".unfinished"} & set(path.parts) and "_time" not in path.name
+        }
+
+    return hashes
 
 
 @pytest.fixture(params=TASKS)

@@ -1,13 +1,7 @@
 """`bench run` and `bench report` as a user meets them, on a small random expert."""
 
-import hashlib
 import json
-import os
-import random
-import signal
-import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import pandas as pd
@@ -23,21 +17,10 @@ from methods.kodex import Kodex
 from tasks.errors import InputError
 
 
-def files_of(folder):
-    """The bytes of everything that must not depend on how a run went."""
-    kinds = ("*.parquet", "weights.safetensors", "tables/*", "figures/*")
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for kind in kinds
-        for path in folder.rglob(kind)
-        if "damaged" not in path.parts and "_time" not in path.name
-    }
-
-
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestInProcess:
     def test_a_run_stores_what_it_says_and_the_next_finds_nothing_missing(
-        self, task, smoke, bench, tmp_path
+        self, task, smoke, bench, tmp_path, files_of
     ):
         out = tmp_path / "results"
         code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
@@ -56,7 +39,7 @@ class TestInProcess:
         assert (code, said) == (0, f"0 results computed, 5 cells in {out}\n")
         assert files_of(out) == before
 
-    def test_more_episodes_extend_what_is_there(self, task, smoke, tmp_path, monkeypatch):
+    def test_more_episodes_extend_what_is_there(self, task, smoke, tmp_path, monkeypatch, files_of):
         monkeypatch.setattr(type(task), "success", lambda self, r: (1e6 * r[:, -1]) % 2 < 1)
         study = replace(get_preset("smoke"), episodes={"success": 503})
         run(study, tmp_path / "grown", Workers(1))
@@ -84,7 +67,7 @@ class TestInProcess:
         assert (after["missing_fits"], after["missing_episodes"], after["cpu_hours"]) == (0, 0, 0)
         assert "5 cells; missing: 0 controllers" in bench("plan", *options)[1]
 
-    def test_merged_parts_are_the_whole(self, task, smoke, bench, tmp_path):
+    def test_merged_parts_are_the_whole(self, task, smoke, bench, tmp_path, files_of):
         whole, a, b, c = (tmp_path / name for name in ("whole", "a", "b", "c"))
         options = ("run", "smoke", "--jobs", "1")
         bench(*options, "--out", str(whole))
@@ -109,7 +92,7 @@ class TestInProcess:
         assert "holds other results of door-kodex-described-single-n6-s0" in error
         assert not (tmp_path / "out/cells").exists()
 
-    def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys):
+    def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys, files_of):
         study = get_preset("smoke")
         run(study, tmp_path, Workers(1))
         before = files_of(tmp_path)
@@ -145,7 +128,9 @@ class TestInProcess:
         for ending in ("png", "pdf", "svg"):
             assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
 
-    def test_a_report_of_the_same_results_has_the_same_bytes(self, task, smoke, bench, tmp_path):
+    def test_a_report_of_the_same_results_has_the_same_bytes(
+        self, task, smoke, bench, tmp_path, files_of
+    ):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         bench("report", str(tmp_path))
         before = files_of(tmp_path)
@@ -177,48 +162,6 @@ class TestInProcess:
         assert (code, said) == (2, "")
         assert answer in error
         assert not (out / "cells").exists()
-
-
-def start(*arguments, **environment):
-    command = [sys.executable, "-c", "from bench.cli import main; main()", "run", "smoke"]
-    return subprocess.Popen(
-        [*command, "--tasks", "relocation", "--methods", "kodex,nn,ndp", *arguments],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-        env=os.environ | environment,
-    )
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(tmp_path_factory):
-    out = tmp_path_factory.mktemp("uninterrupted")
-    assert start("--out", str(out), "--jobs", "1", OMP_NUM_THREADS="1").wait() == 0
-    return out
-
-
-def report(folder):
-    from reports.results import Results
-    from reports.write import write_report
-
-    write_report(Results(folder), folder / "report")
-    return files_of(folder)
-
-
-def test_two_jobs_give_the_files_of_one(uninterrupted, tmp_path):
-    assert start("--out", str(tmp_path), "--jobs", "2", OMP_NUM_THREADS="2").wait() == 0
-    assert report(tmp_path) == report(uninterrupted)
-
-
-def test_a_killed_run_goes_on_to_the_same_files(uninterrupted, tmp_path, kills):
-    draw = random.Random(0)
-    for _ in range(kills):
-        running = start("--out", str(tmp_path), "--jobs", "2")
-        time.sleep(draw.uniform(2, 12))
-        os.killpg(running.pid, signal.SIGKILL)
-        running.wait()
-    assert start("--out", str(tmp_path), "--jobs", "2").wait() == 0
-    assert report(tmp_path) == report(uninterrupted)
 
 
 def test_experts_are_evaluated_once_for_all_methods():

@@ -1,0 +1,189 @@
+"""Harm done to a run or to its results, at random moments and places; --times says how often.
+
+Whatever happens, the same command goes on, and ends with the files of a run that was let be.
+"""
+
+import errno
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from itertools import permutations
+
+import pytest
+
+from bench.backend import Workers
+from bench.presets import get_preset
+from bench.run import run
+from bench.store import Store
+from reports.results import Results
+from reports.write import write_report
+
+COMMAND = [sys.executable, "-c", "from bench.cli import main; main()", "run", "smoke"]
+STUDY = ["--tasks", "relocation", "--methods", "kodex,nn,ndp"]
+
+
+def start(*options, **environment):
+    return subprocess.Popen(
+        [*COMMAND, *STUDY, *options],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        env=os.environ | environment,
+    )
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
+    assert start("--out", str(out), "--jobs", "1", OMP_NUM_THREADS="1").wait() == 0
+    write_report(Results(out), out / "report")
+    return out
+
+
+@pytest.fixture
+def same(uninterrupted, files_of):
+    """Whether a folder and its tables are those of the uninterrupted run."""
+
+    def compare(folder):
+        write_report(Results(folder), folder / "report")
+        return files_of(folder) == files_of(uninterrupted)
+
+    return compare
+
+
+@pytest.mark.parametrize("backend", ["loky", "dask"])
+def test_jobs_threads_and_backends_make_no_difference(same, tmp_path, backend):
+    options = ("--out", str(tmp_path), "--jobs", "2", "--backend", backend)
+    assert start(*options, OMP_NUM_THREADS="2").wait() == 0
+    assert same(tmp_path)
+
+
+def test_a_run_that_is_killed_goes_on(same, tmp_path, times):
+    draw = random.Random(0)
+    for _ in range(times):
+        running = start("--out", str(tmp_path), "--jobs", "2")
+        time.sleep(draw.uniform(2, 12))
+        os.killpg(running.pid, signal.SIGKILL)
+        running.wait()
+    assert start("--out", str(tmp_path), "--jobs", "2").wait() == 0
+    assert same(tmp_path)
+
+
+def test_a_run_that_is_interrupted_goes_on(same, tmp_path, times):
+    draw = random.Random(1)
+    for _ in range(times):
+        running = start("--out", str(tmp_path), "--jobs", "2")
+        time.sleep(draw.uniform(5, 12))
+        os.killpg(running.pid, signal.SIGINT)
+        assert running.wait(timeout=30) in (0, 130)
+    assert start("--out", str(tmp_path), "--jobs", "2").wait() == 0
+    assert same(tmp_path)
+
+
+@pytest.fixture
+def study(smoke):
+    return replace(get_preset("smoke"), tasks=("door",))
+
+
+@pytest.fixture
+def whole(study, tmp_path):
+    """A study's results."""
+    run(study, tmp_path / "whole", Workers(1))
+    return tmp_path / "whole"
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO])
+def test_a_write_that_fails_leaves_nothing_torn(
+    task, smoke, bench, whole, files_of, tmp_path, monkeypatch, times, error
+):
+    flush = os.fsync
+    places = range(10**6) if times > 1 else (0, 3, 8, 14)
+    for place in places:
+        count = iter(range(10**6))
+
+        def fail(handle, place=place, count=count):
+            if next(count) == place:
+                raise OSError(error, os.strerror(error))
+            flush(handle)
+
+        out = tmp_path / str(place)
+        options = ("run", "smoke", "--out", str(out), "--jobs", "1")
+        monkeypatch.setattr("bench.store.os.fsync", fail)
+        code, _, said = bench(*options)
+        monkeypatch.setattr("bench.store.os.fsync", flush)
+        if code == 0:
+            assert place > 14
+            break
+        assert code == 3
+        assert f"bench: [Errno {error}] {os.strerror(error)}" in said
+        assert "the same command goes on" in said
+        assert set(files_of(out).items()) <= set(files_of(whole).items())
+        assert bench(*options)[0] == 0
+        assert files_of(out) == files_of(whole)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_whatever_is_damaged_is_set_aside_and_computed_again(
+    task, study, whole, files_of, times, capsys
+):
+    draw = random.Random(2)
+    sound = files_of(whole)
+    table = rates(whole)
+    for _ in range(5 * times):
+        paths = [
+            path
+            for folder in ("cells", "controllers")
+            for path in sorted((whole / folder).rglob("*"))
+            if path.is_file()
+        ]
+        path = draw.choice(paths)
+        other = draw.choice([other for other in paths if other != path])
+        before = path.read_bytes()
+        path.write_bytes(draw.choice((flipped, cut, emptied))(draw, before))
+        if draw.random() < 0.25:
+            path.write_bytes(other.read_bytes())
+        assert rates(whole).items() <= table.items()
+        run(study, whole, Workers(1))
+        assert files_of(whole) == sound
+        assert re.search("set aside as", capsys.readouterr().err)
+
+
+def rates(folder):
+    """What tables are made from: the outcome of each stored evaluation."""
+    frame = Store(folder).frame()
+    if frame.empty:
+        return {}
+    places = zip(frame.folder, frame.split, frame.physics, strict=True)
+    return dict(zip(places, zip(frame.successes, frame.episodes, strict=True), strict=True))
+
+
+def flipped(draw, content):
+    place = draw.randrange(len(content))
+    return content[:place] + bytes([content[place] ^ 1 << draw.randrange(8)]) + content[place + 1 :]
+
+
+def cut(draw, content):
+    return content[: draw.randrange(len(content))]
+
+
+def emptied(draw, content):
+    return b""
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_order_of_cells_makes_no_difference(
+    task, study, whole, files_of, tmp_path, times, monkeypatch
+):
+    experiments = list(study.episodes)
+    orders = list(permutations(experiments))
+    random.Random(3).shuffle(orders)
+    for index, order in enumerate(orders[: 2 * times]):
+        out = tmp_path / f"order{index}"
+        run(replace(study, episodes={n: study.episodes[n] for n in order}), out, Workers(1))
+        assert files_of(out) == files_of(whole)
