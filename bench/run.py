@@ -8,7 +8,8 @@ one that writes results.
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.metadata import version
@@ -71,6 +72,24 @@ def run(study: Study, folder: Path, where: Workers | None = None) -> Outcome:
     recipes = {task: demos_key(get_task(task)) for task in study.tasks}
     # The largest study there can be, so that what does not exist is refused before anything runs.
     cells_of(study, recipes)
+    with _running(folder, where) as runner:
+        compared = first_wave(study, recipes)
+        runner.compute(compared, study.note)
+        frame = runner.store.frame()
+        cells = cells_of(study, recipes, chosen_sizes(study, frame) if compared else {})
+        runner.compute(cells, study.note)
+        return runner.outcome(cells)
+
+
+def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
+    """Computes and stores what is missing of some cells, see `run`."""
+    with _running(folder, where) as runner:
+        runner.compute(cells, "")
+        return runner.outcome(cells)
+
+
+@contextmanager
+def _running(folder: Path, where: Workers) -> "Iterator[_Runner]":
     store = Store(folder)
     with (
         workers(where),
@@ -78,13 +97,7 @@ def run(study: Study, folder: Path, where: Workers | None = None) -> Outcome:
         Progress(where.jobs) as progress,
         Interrupts() as interrupts,
     ):
-        runner = _Runner(store, where, progress, interrupts)
-        compared = first_wave(study, recipes)
-        runner.compute(compared, study.note)
-        cells = cells_of(study, recipes, chosen_sizes(study, store.frame()) if compared else {})
-        runner.compute(cells, study.note)
-    failed = tuple(f"{label}: {reason}" for label, reason in runner.failed.items())
-    return Outcome(folder, runner.done, len(cells), failed)
+        yield _Runner(store, where, progress, interrupts)
 
 
 def default_jobs() -> int:
@@ -122,6 +135,11 @@ class _Runner:
             self._controllers(cells)
             self._fits(cells)
             self._evaluations(cells)
+
+    def outcome(self, cells: Sequence[Cell]) -> Outcome:
+        """Returns what was done for the cells."""
+        failed = tuple(f"{label}: {reason}" for label, reason in self.failed.items())
+        return Outcome(self.store.folder, self.done, len(cells), failed)
 
     def _controllers(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.controller.key: cell.controller for cell in cells if cell.controller}

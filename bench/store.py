@@ -113,6 +113,17 @@ class Store:
         folder = self._controller(controller)
         self._add(folder, "controller", spec, controller.key, files, facts)
 
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """Returns the fields of the stored controller with that key.
+
+        Raises:
+            InputError: it is not there, or damaged and now set aside.
+        """
+        for folder in self.controllers.glob(f"*-{key[:KEY_DIGITS]}"):
+            if record := self._record(folder, key):
+                return dict(record["spec"])
+        raise InputError(f"{self.folder} has lost the controller {key}: run the study again")
+
     def controller_weights(self, controller: ControllerSpec) -> Parameters:
         """Returns the weights of a stored controller."""
         return load((self._controller(controller) / "weights.safetensors").read_bytes())

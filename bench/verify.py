@@ -1,0 +1,104 @@
+"""Whether stored results are what this machine finds: fit and evaluate some of them again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from bench.backend import Workers
+from bench.controller import ControllerConfig
+from bench.run import run_cells
+from bench.spec import NO_CONTROLLER, Cell, ControllerSpec, Evaluation, Fit
+from bench.store import Store
+from tasks.data import generator
+from tasks.demos import demos_key
+from tasks.errors import InputError
+from tasks.registry import get_task
+
+IDENTICAL, WITHIN, OUTSIDE = "identical", "within the interval", "outside the interval"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a stored evaluation compares with the same one done again."""
+
+    fit: str
+    evaluation: str
+    episodes: int
+    stored: int
+    """Successes of the stored episodes."""
+    again: int
+    """Successes of the same episodes, done again."""
+    differ: int
+    """Episodes whose success, divergence or length is another."""
+
+    @property
+    def verdict(self) -> str:
+        """Identical, or whether the rate lies within the 95% Wilson interval of the stored one."""
+        if not self.differ:
+            return IDENTICAL
+        interval = binomtest(self.stored, self.episodes).proportion_ci(0.95, method="wilson")
+        within = interval.low <= self.again / self.episodes <= interval.high
+        return WITHIN if within else OUTSIDE
+
+
+def verify(folder: Path, count: int, episodes: int, draw: int, where: Workers) -> list[Verdict]:
+    """Fits and evaluates some stored evaluations again, from nothing, and compares.
+
+    Args:
+        folder: results of `bench run`.
+        count: how many evaluations, drawn at random.
+        episodes: of each, at most.
+        draw: another number draws others.
+        where: who does the jobs.
+
+    Raises:
+        InputError: the folder holds no results, or they are from other demonstrations than this
+            installation makes.
+    """
+    store = Store(folder)
+    rows = store.frame().to_dict("records")
+    order = generator("verify", draw).permutation(len(rows))[:count]
+    chosen = [rows[index] for index in sorted(order)]
+    cells = [_cell(store, row, episodes) for row in chosen]
+    with TemporaryDirectory() as place:
+        outcome = run_cells(cells, Path(place), where)
+        if outcome.failed:
+            raise InputError("; ".join(outcome.failed))
+        return _compare(store, Store(Path(place)), chosen, cells)
+
+
+def _compare(
+    store: Store, again: Store, rows: Sequence[dict[str, Any]], cells: Sequence[Cell]
+) -> list[Verdict]:
+    verdicts = []
+    for row, cell in zip(rows, cells, strict=True):
+        new = again.episodes(cell.fit, cell.evaluation)
+        assert new is not None
+        new = new[["start", "success", "diverged", "steps"]]
+        old = store.outcomes(row).iloc[: len(new)]
+        differ = int(np.any(old.to_numpy() != new.to_numpy(), axis=1).sum())
+        counts = (len(new), int(old.success.sum()), int(new.success.sum()), differ)
+        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts))
+    return verdicts
+
+
+def _cell(store: Store, row: dict[str, Any], episodes: int) -> Cell:
+    fit = Fit(**{field.name: row[field.name] for field in fields(Fit)})
+    if fit.recipe != demos_key(get_task(fit.task)):
+        raise InputError(
+            f"{fit.label} learnt from other demonstrations than this installation makes: of"
+            " another expert, task or version of MuJoCo"
+        )
+    conditions = {"split", "physics", "controller", "controller_key"}
+    evaluation = Evaluation(fit.task, **{name: row[name] for name in conditions})
+    controller = None
+    if evaluation.controller != NO_CONTROLLER:
+        spec = store.controller_spec(evaluation.controller_key)
+        config = spec["config"] | {"hidden": tuple(spec["config"]["hidden"])}
+        controller = ControllerSpec(**(spec | {"config": ControllerConfig(**config)}))
+    return Cell(fit, evaluation, min(episodes, row["episodes"]), controller)

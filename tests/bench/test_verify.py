@@ -1,0 +1,37 @@
+import json
+
+import pytest
+
+from bench import verify as module
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_results_of_this_machine_are_found_again(task, smoke, bench, tmp_path):
+    bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    options = ("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
+    code, said, _ = bench(*options, "--json")
+    found = json.loads(said)
+    assert code == 0
+    assert len(found) == 5
+    assert {one["verdict"] for one in found} == {"identical"}
+    assert {one["episodes"] for one in found} == {2, 20}
+    code, said, _ = bench(*options, "--episodes", "4")
+    assert "identical: door-expert eval-ood-nominal-none: 2 of 4 stored, 2 again" in said
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_results_that_are_not_found_again_are_named(task, smoke, bench, tmp_path, monkeypatch):
+    bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
+    code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
+    assert code == 3
+    assert "outside the interval: door-expert eval-ood-nominal-none: 13 of 20 stored, 0 ag" in said
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_results_from_other_demonstrations_are_refused(task, smoke, bench, tmp_path, monkeypatch):
+    bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    monkeypatch.setattr(module, "demos_key", lambda task: "other")
+    code, _, error = bench("verify", str(tmp_path), "--jobs", "1")
+    assert code == 2
+    assert "learnt from other demonstrations" in error
