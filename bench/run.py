@@ -75,8 +75,8 @@ def run(study: Study, folder: Path, where: Workers | None = None) -> Outcome:
     with _running(folder, where) as runner:
         compared = first_wave(study, recipes)
         runner.compute(compared, study.note)
-        frame = runner.store.frame()
-        cells = cells_of(study, recipes, chosen_sizes(study, frame) if compared else {})
+        chosen = chosen_sizes(study, runner.store.frame()) if compared else {}
+        cells = cells_of(study, recipes, chosen)
         runner.compute(cells, study.note)
         return runner.outcome(cells)
 

@@ -219,6 +219,15 @@ class Task(ABC):
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the readings (B, T-1) after each control step meet the rule, (B,)."""
 
+    def decided(self, readings: FloatArray, left: int) -> BoolArray:
+        """Returns whether success no longer depends on the readings still to come, (B,).
+
+        Args:
+            readings: (B, t) so far.
+            left: how many are still to come.
+        """
+        return np.full(len(readings), left == 0)
+
     # Observation
     @abstractmethod
     def observe(self, batch: Batch) -> FloatArray:

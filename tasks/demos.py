@@ -74,7 +74,7 @@ def record(
     for first in range(0, len(starts), CHUNK):
         recorder = Recorder(policy)
         part = starts[first : first + CHUNK]
-        episodes = rollout(task, part, recorder, physics, threads=threads)
+        episodes = rollout(task, part, recorder, physics, threads=threads, whole=True)
         success.append(episodes.success)
         kept = ~episodes.diverged if failures else episodes.success
         found.append(recorder.finish(np.flatnonzero(kept)))

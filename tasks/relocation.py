@@ -4,7 +4,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
-from tasks.data import BoolArray, FloatArray
+from tasks.data import BoolArray, FloatArray, IntArray
 
 TARGET_RADIUS = 0.1
 """Distance below which the ball counts as at the target [m] (appendix C)."""
@@ -61,7 +61,15 @@ class Relocation(Task):
 
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the ball was at the target for more than 10 steps, (B,)."""
-        return (readings < TARGET_RADIUS).sum(axis=1) > STEPS_AT_TARGET
+        return self._steps_at_target(readings) > STEPS_AT_TARGET
+
+    def decided(self, readings: FloatArray, left: int) -> BoolArray:
+        """Returns whether the steps at the target suffice, or can no longer, (B,)."""
+        count = self._steps_at_target(readings)
+        return (count > STEPS_AT_TARGET) | (count + left <= STEPS_AT_TARGET)
+
+    def _steps_at_target(self, readings: FloatArray) -> IntArray:
+        return (readings < TARGET_RADIUS).sum(axis=1)
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
-from tasks.data import BoolArray, FloatArray
+from tasks.data import BoolArray, FloatArray, IntArray
 
 PEN_LENGTH = 0.13
 """Distance between the sites at both ends of the pen, and of the goal [m]."""
@@ -81,7 +81,15 @@ class Reorientation(Task):
 
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the pen was oriented for more than 10 steps, (B,)."""
-        return (readings > SIMILARITY).sum(axis=1) > STEPS_ORIENTED
+        return self._steps_oriented(readings) > STEPS_ORIENTED
+
+    def decided(self, readings: FloatArray, left: int) -> BoolArray:
+        """Returns whether the oriented steps suffice, or can no longer, (B,)."""
+        count = self._steps_oriented(readings)
+        return (count > STEPS_ORIENTED) | (count + left <= STEPS_ORIENTED)
+
+    def _steps_oriented(self, readings: FloatArray) -> IntArray:
+        return (readings > SIMILARITY).sum(axis=1)
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:

@@ -145,11 +145,15 @@ def rollout(
     steps: int | None = None,
     chunk: int = CHUNK,
     threads: int = 0,
+    whole: bool = False,
 ) -> Episodes:
     """Returns what comes of driving every start with the policy.
 
     The policy always meets ``chunk`` episodes at once; the last chunk is padded with copies of
     its last start, which are not simulated. It computes on one thread.
+
+    An episode ends once its success is decided: its later readings are missing (NaN), and whether
+    it would have diverged is not known.
 
     Args:
         task: what is simulated.
@@ -159,6 +163,7 @@ def rollout(
         steps: control steps; T - 1 unless told.
         chunk: episodes that the policy sees together.
         threads: how many to step on; 0 for one on each core.
+        whole: simulate decided episodes to their end.
 
     Raises:
         InputError: see Simulator; or steps or chunk is below 1.
@@ -180,9 +185,15 @@ def rollout(
             simulator.running[len(rows) :] = False
             policy.reset(simulator)
             for step in range(steps):
+                stepped = np.flatnonzero(simulator.running)
                 simulator.step(policy.act(simulator, step))
-                readings[rows, step] = simulator.read()[: len(rows)]
+                readings[first + stepped, step] = simulator.read()[stepped]
                 taken[rows] += simulator.running[: len(rows)]
+                if not whole:
+                    done = task.decided(readings[rows, : step + 1], steps - step - 1)
+                    simulator.running[: len(rows)] &= ~done
+                if not simulator.running.any():
+                    break
             diverged[rows] = simulator.diverged[: len(rows)]
     success = task.success(readings) & ~diverged
     return Episodes(starts, success, diverged, taken, readings)

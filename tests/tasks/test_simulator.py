@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tasks.data import FloatArray
+from tasks.data import FloatArray, generator
 from tasks.errors import InputError
 from tasks.registry import get_task
 from tasks.simulator import Simulator, rollout
@@ -60,6 +60,31 @@ def test_stopped_episodes_keep_their_state_and_leave_the_others_alone(task, rand
     np.testing.assert_array_equal(some_run.state()[~run], before[~run])
 
 
+def test_an_episode_ends_once_it_is_decided_and_comes_out_the_same(task, random_replay):
+    starts, policy = task.sample("test", EPISODES), random_replay(task, EPISODES)
+    whole = rollout(task, starts, policy, whole=True)
+    ended = rollout(task, starts, policy)
+    np.testing.assert_array_equal(ended.success, whole.success)
+    assert (whole.steps == task.horizon - 1).all()
+    counted = task.name in ("relocation", "reorientation")
+    assert (ended.steps < whole.steps).any() == counted
+    there = np.arange(task.horizon - 1) < ended.steps[:, None]
+    np.testing.assert_array_equal(ended.readings[there], whole.readings[there])
+    assert np.isnan(ended.readings[~there]).all()
+
+
+def test_success_is_decided_when_no_readings_to_come_change_it(task):
+    rng = generator("decided", task.name)
+    low, high = {"relocation": (0.08, 0.12), "reorientation": (0.88, 0.92)}.get(task.name, (0, 2))
+    readings = rng.uniform(low, high, (50, 30))
+    for taken in range(1, 31):
+        ends = [readings.copy() for _ in range(2)]
+        for end, value in zip(ends, (-1e6, 1e6), strict=True):
+            end[:, taken:] = value
+        same = task.success(ends[0]) == task.success(ends[1])
+        np.testing.assert_array_equal(task.decided(readings[:, :taken], 30 - taken), same)
+
+
 def test_a_policy_always_meets_a_whole_chunk(task):
     seen = []
 
@@ -69,7 +94,7 @@ def test_a_policy_always_meets_a_whole_chunk(task):
             return super().act(simulator, step)
 
     starts = task.sample("test", 5)
-    episodes = rollout(task, starts, Counting(task, [], 0), steps=2, chunk=4)
+    episodes = rollout(task, starts, Counting(task, [], 0), steps=2, chunk=4, whole=True)
     assert set(seen) == {4}
     assert len(episodes.success) == 5
     np.testing.assert_array_equal(episodes.steps, 2)
@@ -78,7 +103,8 @@ def test_a_policy_always_meets_a_whole_chunk(task):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_broken_action_is_a_divergence_or_the_limit(task, value):
     starts = task.sample("test", 5)
-    episodes = rollout(task, starts, Broken(task, [1, 3], step=2, value=value), steps=6)
+    policy = Broken(task, [1, 3], step=2, value=value)
+    episodes = rollout(task, starts, policy, steps=6, whole=True)
     broken = np.array([False, True, False, True, False]) & np.isnan(value)
     np.testing.assert_array_equal(episodes.diverged, broken)
     np.testing.assert_array_equal(episodes.steps, np.where(broken, 2, 6))
@@ -110,7 +136,8 @@ def test_what_diverges_after_meeting_the_rule_is_a_failure():
     starts = task.sample("ood", 400)
     facing = starts[np.flatnonzero(starts.values[:, 1] > 1.17)]
     still = rollout(task, facing, Broken(task, [], 0))
-    broken = rollout(task, facing, Broken(task, facing.index.tolist(), step=task.horizon - 2))
+    late = Broken(task, facing.index.tolist(), step=task.horizon - 2)
+    broken = rollout(task, facing, late, whole=True)
     assert still.success.any()
     assert task.success(broken.readings).any()
     assert broken.diverged.all()
