@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help bench demo test check install install-dev benchmark clean
+.PHONY: help bench demo test check install install-dev benchmark reliability clean
 
 help: ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -27,6 +27,9 @@ check: install-dev ## Lint, types and import rules
 
 benchmark: install-dev ## Measure speed against peers, a few minutes
 	$(BIN)/pytest benchmarks --benchmark-columns=median,iqr,rounds
+
+reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hours
+	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py --times 200
 
 install: .venv/installed ## Create .venv with what running needs
 install-dev: .venv/installed-dev ## Create .venv with what developing needs

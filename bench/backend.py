@@ -23,6 +23,8 @@ TRIES = 3
 """How often a job is tried whose worker dies while nothing else is on its way."""
 GRACE = 4.0
 """Seconds after Ctrl-C in which what ends is still kept."""
+PATIENCE = 10
+"""Seconds in which a dask scheduler must answer."""
 SHARED_MEMORY = ("multiprocessing", "threading")
 """Backends that are refused: simulations hang in forked processes, and threads share the random
 stream that torch initialises networks from."""
@@ -249,7 +251,7 @@ def _dask_client(scheduler: str | None, jobs: int) -> Iterator[None]:
         return
     _check_address(scheduler)
     try:
-        client = Client(scheduler, timeout=10)
+        client = Client(scheduler, timeout=PATIENCE)
     except OSError as error:
         raise InputError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
     with client:

@@ -43,8 +43,8 @@ def run(
 ) -> None:
     """Run a study; the same command again computes what is missing."""
     from bench.backend import Workers
-    from bench.run import default_jobs
-    from bench.run import run as run_study
+    from bench.driver import default_jobs
+    from bench.driver import run as run_study
 
     study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
@@ -79,8 +79,8 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Say what a study will cost on this machine, after a short calibration."""
+    from bench.driver import default_jobs
     from bench.plan import make_plan
-    from bench.run import default_jobs
 
     study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)

@@ -39,7 +39,7 @@ def verify(
 ) -> None:
     """Fit and evaluate some of the stored results again; exit code 3 if they are other ones."""
     from bench.backend import Workers
-    from bench.run import default_jobs
+    from bench.driver import default_jobs
     from bench.verify import OUTSIDE
     from bench.verify import verify as verify_results
 

@@ -1,6 +1,5 @@
 """What this machine has, and what a run would miss."""
 
-import os
 import platform
 import shutil
 from importlib.metadata import PackageNotFoundError, version
@@ -9,6 +8,7 @@ from typing import Any
 
 import joblib
 
+from bench.plan import total_memory
 from tasks.demos import cache_folder, demos_path
 from tasks.errors import InputError
 from tasks.experts import load_expert
@@ -40,7 +40,7 @@ def _packages() -> list[dict[str, Any]]:
 
 
 def _machine(folder: Path) -> list[dict[str, Any]]:
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    memory = total_memory()
     cores = joblib.cpu_count()
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     free = shutil.disk_usage(there).free / 2**30

@@ -4,6 +4,7 @@ Costs are measured here and now, in a short calibration: the simulation of each 
 method and size the fit of a few demonstrations for an epoch or two, scaled to the whole.
 """
 
+import os
 import shutil
 from dataclasses import dataclass, fields, replace
 from functools import cache
@@ -52,11 +53,16 @@ class Plan:
     free_gib: float
 
     def check(self) -> None:
-        """Raises InputError if the disk will not suffice."""
+        """Raises InputError if memory or disk will not suffice."""
         if self.disk_gib > self.free_gib:
             raise InputError(
                 f"the results take about {self.disk_gib:.1f} GiB, and {self.free_gib:.1f} GiB are"
                 " free: choose fewer episodes, or another folder"
+            )
+        if self.memory_gib > total_memory():
+            raise InputError(
+                f"the jobs take about {self.memory_gib:.1f} GiB of memory, and this machine has"
+                f" {total_memory():.1f}: choose fewer with --jobs"
             )
 
 
@@ -91,6 +97,11 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
         disk_gib=size / 2**30,
         free_gib=shutil.disk_usage(there).free / 2**30,
     )
+
+
+def total_memory() -> float:
+    """Returns the memory of this machine [GiB]."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
 
 
 def _missing(store: Store, cell: Cell) -> int:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
 
 FORMAT = 1
 KEY_DIGITS = 12
+NUMBERS = ("demos", "seed")
 _SEAL = re.compile(rb"sha256:[0-9a-f]{64}")
 _UNSEALED = b"sha256:" + b"0" * 64
 
@@ -258,6 +259,19 @@ class Store:
         columns = ["start", "success", "diverged", "steps"]
         frame: pd.DataFrame = pd.read_parquet(self.cells / row["folder"] / name, columns=columns)
         return frame
+
+    def episodes_table(self) -> pd.DataFrame:
+        """Returns all that `outcomes` returns, under the names of `frame`, see `bench.load`."""
+        names = ["task", "method", "variant", "size", "demos", "seed"]
+        names += ["split", "physics", "controller"]
+        frame = self.frame()
+        if frame.empty:
+            return pd.DataFrame(columns=[*names, "start", "success", "diverged", "steps"])
+        parts = [self.outcomes(row) for row in frame.to_dict("records")]
+        table = pd.concat(parts, ignore_index=True)
+        rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])
+        labels = frame[names].astype({name: "category" for name in names if name not in NUMBERS})
+        return pd.concat([labels.iloc[rows].reset_index(drop=True), table], axis=1)
 
     # Failures
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 from bench.backend import Workers
 from bench.controller import ControllerConfig
-from bench.run import run_cells
+from bench.driver import run_cells
 from bench.spec import NO_CONTROLLER, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
 from tasks.data import generator

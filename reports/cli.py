@@ -10,14 +10,18 @@ from bench.options import AsJson
 
 def report(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
+    export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
 ) -> None:
     """Write the tables and figures of stored results into FOLDER/report."""
+    import bench
     from reports.results import Results
     from reports.write import write_report
 
     written = write_report(Results(folder), folder / "report")
     for path in written:
         print(path.read_text())
+    if export is not None:
+        bench.load(folder).to_parquet(export, index=False)
     print(f"{len(written)} exhibit(s) in {folder / 'report'}")
 
 

@@ -97,7 +97,7 @@ def shipped(task, tmp_path, monkeypatch):
 def smoke(shipped, monkeypatch):
     """The preset for KODex, with as few demonstrations as a shipped random expert has."""
     monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6, methods=("kodex",)))
-    monkeypatch.setattr("bench.run.TRAINING", 6)
+    monkeypatch.setattr("bench.driver.TRAINING", 6)
 
 
 def ship(task, folder):

@@ -1,5 +1,6 @@
 """Jobs that fail, hang, or whose worker dies, on each backend."""
 
+import json
 import math
 import os
 import signal
@@ -51,16 +52,17 @@ def test_a_job_that_kills_its_worker_is_tried_alone_and_then_blamed(backend):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_innocent_jobs_survive_the_death_of_workers():
+def test_innocent_jobs_survive_the_death_of_workers(times):
     draw = np.random.default_rng(0)
 
     def kill():
-        for _ in range(3):
+        for _ in range(2 + times):
             time.sleep(draw.uniform(0.5, 1.5))
             os.kill(next(iter(reusable_executor._executor._processes)), signal.SIGKILL)
 
+    n = 6 * (1 + times)
     threading.Thread(target=kill, daemon=True).start()
-    assert outcome([(time.sleep, (0.5,))] * 12, Workers(2)) == [None] * 12
+    assert outcome([(time.sleep, (0.5,))] * n, Workers(2)) == [None] * n
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -140,3 +142,72 @@ def ends_within(seconds, group):
             return True
         time.sleep(0.1)
     return False
+
+
+def dask_command(*options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli." + options[0], *options[1:], "--no-dashboard"],
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """The address of a dask scheduler with one worker, processes of their own."""
+    file = tmp_path / "scheduler.json"
+    started = [
+        dask_command("dask_scheduler", "--host=127.0.0.1", "--port=0", f"--scheduler-file={file}")
+    ]
+    while not file.exists() or not file.read_text():
+        time.sleep(0.1)
+    address = json.loads(file.read_text())["address"]
+    started.append(dask_command("dask_worker", address, "--nthreads=1", "--host=127.0.0.1"))
+    yield address
+    for process in started:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_a_dask_scheduler_elsewhere_does_the_jobs(scheduler):
+    workers_of = Workers(1, "dask", scheduler)
+    here, there = os.getpid(), outcome([(os.getpid, ())] * 3, workers_of)
+    assert here not in there
+    extra = dask_command("dask_worker", scheduler, "--nthreads=2", "--host=127.0.0.1")
+    try:
+        with pytest.raises(InputError, match="has 2 threads: start it with --nthreads 1"):
+            meet_all(workers_of)
+    finally:
+        os.killpg(extra.pid, signal.SIGKILL)
+        extra.wait()
+
+
+def meet_all(where):
+    """Looks at the workers until one that has just been started must be among them."""
+    for _ in range(100):
+        with workers(where):
+            time.sleep(0.2)
+
+
+def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
+    monkeypatch.setattr("bench.backend.PATIENCE", 1)
+    with (
+        pytest.raises(InputError, match=r"no dask scheduler answers at 'tcp://127.0.0.1:9'"),
+        workers(Workers(1, "dask", "tcp://127.0.0.1:9")),
+    ):
+        pass
+
+
+def test_nothing_listens_beyond_this_machine():
+    import psutil
+
+    with workers(Workers(2, "dask")):
+        me = psutil.Process()
+        ports = [
+            connection.laddr.ip
+            for process in (me, *me.children(recursive=True))
+            for connection in process.net_connections()
+            if connection.status == psutil.CONN_LISTEN
+        ]
+    assert len(ports) >= 3
+    assert set(ports) == {"127.0.0.1"}

@@ -17,8 +17,8 @@ from itertools import permutations
 import pytest
 
 from bench.backend import Workers
+from bench.driver import run
 from bench.presets import get_preset
-from bench.run import run
 from bench.store import Store
 from reports.results import Results
 from reports.write import write_report

@@ -7,10 +7,12 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from bench import load
+from bench import run as run_from_python
 from bench.backend import Workers
+from bench.driver import run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
 from bench.presets import get_preset
-from bench.run import run
 from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
@@ -66,6 +68,30 @@ class TestInProcess:
         after = json.loads(bench("plan", *options, "--json")[1])
         assert (after["missing_fits"], after["missing_episodes"], after["cpu_hours"]) == (0, 0, 0)
         assert "5 cells; missing: 0 controllers" in bench("plan", *options)[1]
+
+    def test_a_study_that_does_not_fit_is_refused(self, task, smoke, bench, tmp_path, monkeypatch):
+        options = ("plan", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        for name, value, answer in (
+            ("GIB_PER_JOB", 1e6, "choose fewer with --jobs"),
+            ("BYTES_PER_STEP", 1e15, "choose fewer episodes, or another folder"),
+        ):
+            with monkeypatch.context() as patch:
+                patch.setattr(f"bench.plan.{name}", value)
+                code, _, error = bench(*options)
+            assert code == 2
+            assert answer in error
+
+    def test_every_episode_in_one_table(self, task, smoke, bench, tmp_path):
+        out, export = tmp_path / "results", tmp_path / "episodes.parquet"
+        run_from_python("smoke", out, jobs=1)
+        code, _, _ = bench("report", str(out), "--export", str(export))
+        assert code == 0
+        table = pd.read_parquet(export)
+        pd.testing.assert_frame_equal(table, load(out))
+        assert len(table) == 2 + 4 * 20
+        frame = Store(out).frame()
+        counted = table.groupby(["method", "split"], observed=True).success.sum()
+        assert dict(counted) == dict(frame.set_index(["method", "split"]).successes)
 
     def test_merged_parts_are_the_whole(self, task, smoke, bench, tmp_path, files_of):
         whole, a, b, c = (tmp_path / name for name in ("whole", "a", "b", "c"))
