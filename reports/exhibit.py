@@ -43,7 +43,8 @@ class Exhibit:
         if "seeds" in table and table.seeds.notna().any():
             said.append(
                 f"Seeds: {_range(table.seeds)}. Intervals are 95%: Wilson's for a single fit, else"
-                " the percentile bootstrap over seeds and episodes."
+                " the percentile bootstrap over seeds and episodes, which at 5 seeds covers the"
+                " truth in 82 to 89 of 100 simulated studies."
             )
         if "diverged" in table and table.diverged.sum():
             said.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")

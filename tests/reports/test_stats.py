@@ -35,5 +35,15 @@ def test_the_bootstrap_sees_both_seeds_and_episodes():
     assert bootstrap(np.full(5, 50), episodes, "alike") == alike
 
 
+def test_the_bootstrap_of_five_seeds_covers_less_than_it_says_as_captions_tell():
+    rng = generator("bootstrap coverage")
+    covered = []
+    for trial in range(150):
+        rates = rng.beta(16, 4, 5)
+        low, high = bootstrap(rng.binomial(200, rates), np.full(5, 200), trial)
+        covered.append(low <= 0.8 <= high)
+    assert 0.8 <= np.mean(covered) <= 0.92
+
+
 def test_a_single_fit_has_wilsons_interval():
     assert rate_interval(np.array([7]), np.array([20]), "x") == wilson(7, 20)
