@@ -157,7 +157,7 @@ class EpisodesEnv(VecEnv):
         self.task, self.recipe, self.threads = task, recipe, threads
         self.first = 0
         self.calm = 0.0
-        """Share of the prices on jerk and speed that is asked for at present."""
+        """Share of the prices that is asked for at present."""
         self.offset = 0.0
         """Standard deviation of the actions' error at present."""
         self.success = 0.0
@@ -214,7 +214,10 @@ class EpisodesEnv(VecEnv):
         previous = actions if self._previous is None else self._previous
         jerk = ((actions - previous) ** 2).mean(axis=1)
         speed = (batch.qvel[:, : self.task.robot_dim] ** 2).mean(axis=1)
-        calm = self.calm * (recipe.action_rate * jerk + recipe.hand_speed * speed)
+        effort = ((actions - self.simulator.joint_actions()) ** 2).mean(axis=1)
+        calm = self.calm * (
+            recipe.action_rate * jerk + recipe.hand_speed * speed + recipe.effort * effort
+        )
         return np.where(self.simulator.diverged, 0.0, recipe.reward(batch) - calm)
 
     def close(self) -> None:
