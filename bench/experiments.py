@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import product
-from typing import Any
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import pandas as pd
 
@@ -269,13 +270,31 @@ def _check_names(study: Study) -> None:
 
 
 def _check_settings(study: Study) -> None:
-    for name, field in study.settings:
+    for (name, field), value in study.settings.items():
         if name not in study.methods:
             raise InputError(f"a setting for {name!r}, which is not among the methods of the run")
         config = next(iter(get_method(name).sizes.values()))
         known = [other.name for other in fields(config)]
         if field not in known:
             raise unknown_name(f"config field of {name}", field, known)
+        hint = get_type_hints(type(config))[field]
+        if not _is(value, hint):
+            shown = hint.__name__ if isinstance(hint, type) else hint
+            raise InputError(f"{name}.{field} takes {shown}, got {value!r}")
+
+
+def _is(value: Any, hint: Any) -> bool:
+    """Whether a value that was read from JSON is what a config's field is declared as."""
+    if get_origin(hint) in (Union, UnionType):
+        return any(_is(value, option) for option in get_args(hint))
+    if get_origin(hint) is tuple:
+        inner = get_args(hint)[0]
+        return isinstance(value, list | tuple) and all(_is(one, inner) for one in value)
+    if isinstance(value, bool) or hint is bool:
+        return isinstance(value, bool) and hint is bool
+    if hint is float:
+        return isinstance(value, int | float) and -1e300 < value < 1e300  # and so not NaN
+    return isinstance(value, hint)
 
 
 def _acts(fit: Fit) -> bool:
