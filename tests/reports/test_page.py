@@ -21,6 +21,21 @@ HOSTILE = [
     "<a href=\"http://example.org/\">out</a>",
     "‮gnp.exe", "a\u0000b".replace("\u0000", " "), "&lt;b&gt;",
 ]  # fmt: skip
+ESCAPES = ("", '">', "'>", "</td></table>", "</script></style></title>")
+ELEMENTS = (
+    *(
+        "img src=x onerror",
+        "svg onload",
+        "body onload",
+        "input autofocus onfocus",
+        "marquee onstart",
+    ),
+    *("details open ontoggle", "video src=x onerror", "audio src=x onerror", "iframe onload"),
+    "object data=x onerror",
+)
+HOSTILE += [
+    f"{escape}<{element}=document.title='hit'>" for escape in ESCAPES for element in ELEMENTS
+]
 
 
 class Few(Results):
@@ -105,6 +120,7 @@ def test_the_theme_follows_the_system_and_switches(opened):
 
 
 def test_hostile_names_and_notes_stay_text(opened):
+    assert len(HOSTILE) == 60
     view = opened(names=HOSTILE)
     assert view.title() == "Imitation policies on a dexterous hand"
     assert view.said == []
