@@ -1,4 +1,4 @@
-"""`bench report` and `bench compare`: stored results to tables and figures."""
+"""`bench report`, `pack` and `compare`: stored results to tables and figures."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,23 +6,48 @@ from typing import Annotated
 import typer
 
 from bench.options import AsJson
+from tasks.errors import InputError
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
+    folder: Annotated[
+        Path | None, typer.Argument(help="Of `bench run` or `bench pack`; else --reference.")
+    ] = None,
+    reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Else FOLDER/report, or ./report.")] = None,
     export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
 ) -> None:
-    """Write the tables and figures of stored results into FOLDER/report."""
-    import bench
+    """Write the tables, figures and page of stored results, or of those that are shipped."""
+    from reports.reference import SHIPPED, is_packed
     from reports.results import Results
     from reports.write import write_report
 
-    written = write_report(Results(folder), folder / "report")
+    if (folder is None) is not reference:
+        raise InputError("a report is of a results folder, or of --reference: give one of them")
+    if reference and not is_packed(SHIPPED):
+        raise InputError("no reference results are shipped with this version")
+    place = out or (Path("report") if folder is None else folder / "report")
+    written = write_report(Results(folder or SHIPPED), place)
     for path in written:
         print(path.read_text())
-    if export is not None:
+    if export is not None and folder is not None:
+        import bench
+
         bench.load(folder).to_parquet(export, index=False)
-    print(f"{len(written)} exhibit(s) in {folder / 'report'}")
+    print(f"{len(written)} exhibit(s) in {place}")
+
+
+def pack(
+    folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
+    out: Annotated[Path, typer.Option(help="Folder that gets the small form.")],
+) -> None:
+    """Write results in a small form to share: all that reports need, and no weights."""
+    from bench.store import Store
+    from reports.reference import pack as pack_results
+
+    pack_results(Store(folder), out)
+    size = sum(path.stat().st_size for path in out.iterdir())
+    print(f"{size / 2**20:.1f} MiB in {out}; bench report {out} shows them")
 
 
 def compare(

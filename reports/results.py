@@ -10,6 +10,7 @@ import pandas as pd
 
 from bench.store import Store
 from methods.base import Parameters
+from reports.reference import Packed, is_packed
 from reports.stats import rate_interval
 from tasks.data import BoolArray
 
@@ -17,10 +18,10 @@ SIZES = ("small", "median", "large")
 
 
 class Results:
-    """The results folder of a run, read."""
+    """The results of a run, read from its folder, or packed as `reports.reference` packs them."""
 
     def __init__(self, folder: Path) -> None:
-        self._store = Store(folder)
+        self._store = Packed(folder) if is_packed(folder) else Store(folder)
 
     @cached_property
     def frame(self) -> pd.DataFrame:

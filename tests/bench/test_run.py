@@ -154,6 +154,24 @@ class TestInProcess:
         for ending in ("png", "pdf", "svg"):
             assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
 
+    def test_packed_results_give_the_same_report(self, task, smoke, bench, tmp_path, files_of):
+        out, small = tmp_path / "results", tmp_path / "small"
+        bench("run", "smoke", "--out", str(out), "--jobs", "1")
+        bench("report", str(out))
+        code, said, _ = bench("pack", str(out), "--out", str(small))
+        assert code == 0
+        assert f"bench report {small} shows them" in said
+        bench("report", str(small))
+        assert files_of(small / "report") == files_of(out / "report")
+        page = "report/index.html"
+        assert (small / page).read_bytes() == (out / page).read_bytes()
+
+    def test_a_report_is_of_one_thing(self, task, smoke, bench, tmp_path):
+        for options in ((), (str(tmp_path), "--reference")):
+            code, _, error = bench("report", *options)
+            assert code == 2
+            assert "give one of them" in error
+
     def test_a_report_of_the_same_results_has_the_same_bytes(
         self, task, smoke, bench, tmp_path, files_of
     ):
