@@ -99,11 +99,6 @@ class Simulator:
         """Returns x = [x_r, x_o] of the present, (B, D)."""
         return self.task.state(self.batch)
 
-    def joint_actions(self) -> FloatArray:
-        """Returns the actions whose set-points are where the joints are at present, (B, A)."""
-        driven = self.task.model.jnt_qposadr[self.task.model.actuator_trnid[:, 0]]
-        return (self.batch.qpos[:, driven] - self._middle) / self._half_range
-
     def observe(self) -> FloatArray:
         """Returns the environment's observation of the present, one row an episode."""
         with _quiet():

@@ -214,11 +214,7 @@ class EpisodesEnv(VecEnv):
         previous = actions if self._previous is None else self._previous
         jerk = ((actions - previous) ** 2).mean(axis=1)
         speed = (batch.qvel[:, : self.task.robot_dim] ** 2).mean(axis=1)
-        # Of the actions before they are clipped: beyond the limits, nothing else calls them back.
-        effort = ((self._actions - self.simulator.joint_actions()) ** 2).mean(axis=1)
-        calm = self.calm * (
-            recipe.action_rate * jerk + recipe.hand_speed * speed + recipe.effort * effort
-        )
+        calm = self.calm * (recipe.action_rate * jerk + recipe.hand_speed * speed)
         return np.where(self.simulator.diverged, 0.0, recipe.reward(batch) - calm)
 
     def close(self) -> None:

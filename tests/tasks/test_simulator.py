@@ -60,18 +60,6 @@ def test_stopped_episodes_keep_their_state_and_leave_the_others_alone(task, rand
     np.testing.assert_array_equal(some_run.state()[~run], before[~run])
 
 
-def test_joint_actions_ask_the_joints_to_stay_where_they_are(task, random_replay):
-    simulator = Simulator(task, task.sample("test", 3))
-    simulator.step(random_replay(task, 3).actions[:, 0])
-    driven = [task.model.joint(int(j)).qposadr[0] for j in task.model.actuator_trnid[:, 0]]
-    present = simulator.batch.qpos[:, driven].copy()
-    actions = simulator.joint_actions()
-    simulator.step(actions)
-    within = np.abs(actions) <= 1
-    assert within.mean() > 0.5
-    np.testing.assert_allclose(simulator.batch.ctrl[within], present[within], atol=1e-12)
-
-
 def test_an_episode_ends_once_it_is_decided_and_comes_out_the_same(task, random_replay):
     starts, policy = task.sample("test", EPISODES), random_replay(task, EPISODES)
     whole = rollout(task, starts, policy, whole=True)
