@@ -160,6 +160,7 @@ def scheduler(tmp_path):
         dask_command("dask_scheduler", "--host=127.0.0.1", "--port=0", f"--scheduler-file={file}")
     ]
     while not file.exists() or not file.read_text():
+        assert started[0].poll() is None
         time.sleep(0.1)
     address = json.loads(file.read_text())["address"]
     started.append(dask_command("dask_worker", address, "--nthreads=1", "--host=127.0.0.1"))
