@@ -144,7 +144,8 @@ def answers(
     A job whose worker dies is tried again, alone, so that it is known who is to blame.
 
     Args:
-        calls: each returns a job and its arguments, once it is to be sent.
+        calls: each returns a job and its arguments, once it is to be sent; what it raises is
+            raised.
         where: what `workers` was given.
         interrupts: when to stop sending.
     """
@@ -153,9 +154,15 @@ def answers(
         for index in indices:
             if interrupts.asked:
                 return
+            try:
+                call = calls[index]()
+            except Exception as error:
+                ours.append(error)
+                raise
             sent.append(index)
-            yield delayed(_attempt)(index, where.limit, *calls[index]())
+            yield delayed(_attempt)(index, where.limit, *call)
 
+    ours: list[Exception] = []
     left = dict.fromkeys(range(len(calls)))
     while left and not interrupts.asked:
         sent: list[int] = []
@@ -164,12 +171,14 @@ def answers(
                 del left[index]
                 yield index, answer
         except Exception:
+            if ours:
+                raise ours[0] from None
             # A job returns what it raises: this comes from the backend, which has lost a worker.
             for index in [index for index in sent if index in left]:
                 if interrupts.asked:
                     return
                 del left[index]
-                yield index, _alone(calls[index], where)
+                yield index, _alone(calls[index](), where)
 
 
 def _parallel(jobs: int) -> Parallel:
@@ -177,13 +186,13 @@ def _parallel(jobs: int) -> Parallel:
     return Parallel(jobs, return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
 
 
-def _alone(call: Callable[[], Call], where: Workers) -> Answer:
+def _alone(call: Call, where: Workers) -> Answer:
     """The answer of a job that nothing else runs beside."""
     for _ in range(TRIES):
         try:
             # Two, because joblib runs one job in this very process.
             ((_, answer),) = _parallel(max(2, where.jobs))(
-                [delayed(_attempt)(0, where.limit, *call())]
+                [delayed(_attempt)(0, where.limit, *call)]
             )
             return answer
         except Exception as error:

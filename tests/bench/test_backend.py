@@ -65,6 +65,20 @@ def test_innocent_jobs_survive_the_death_of_workers(times):
     assert outcome([(time.sleep, (0.5,))] * n, Workers(2)) == [None] * n
 
 
+@pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(2, "dask")])
+def test_what_a_call_raises_before_it_is_sent_ends_the_run(where):
+    def missing():
+        raise InputError("there is nothing to work on")
+
+    calls = [lambda: (math.sqrt, (4.0,)), missing, lambda: (math.sqrt, (4.0,))]
+    with (
+        workers(where),
+        Interrupts() as interrupts,
+        pytest.raises(InputError, match="there is nothing to work on"),
+    ):
+        list(answers(calls, where, interrupts))
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_arguments_as_large_as_demonstrations_arrive(backend):
     large = np.ones((250, 100, 100))
