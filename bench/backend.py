@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from joblib import Parallel, delayed, parallel_config
-from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS
+from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
 from tasks.errors import InputError, unknown_name
 
@@ -126,7 +126,10 @@ def workers(where: Workers) -> Iterator[None]:
     """
     where.check()
     if where.backend == "dask":
-        with _dask_client(where.scheduler, where.jobs), parallel_config(_dask_backend()):
+        with (
+            _dask_client(where.scheduler, where.jobs) as client,
+            parallel_config(DaskBackend(client)),
+        ):
             yield
     elif where.backend == "loky":
         with parallel_config("loky", initializer=_ignore_ctrl_c):
@@ -239,7 +242,7 @@ def _ignore_ctrl_c() -> None:
 
 
 @contextmanager
-def _dask_client(scheduler: str | None, jobs: int) -> Iterator[None]:
+def _dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
     try:
         import dask
         from distributed import Client, LocalCluster
@@ -255,8 +258,8 @@ def _dask_client(scheduler: str | None, jobs: int) -> Iterator[None]:
             dashboard_address=None,
             worker_dashboard_address=None,
         )
-        with cluster, Client(cluster):
-            yield
+        with cluster, Client(cluster) as client:
+            yield client
         return
     _check_address(scheduler)
     try:
@@ -270,27 +273,54 @@ def _dask_client(scheduler: str | None, jobs: int) -> Iterator[None]:
                 raise InputError(
                     f"dask worker {name} has {count} threads: start it with --nthreads 1"
                 )
-        yield
+        yield client
 
 
-def _dask_backend() -> Any:
-    """Joblib's, mended in two places."""
-    from joblib._dask import DaskDistributedBackend
+class DaskBackend(ParallelBackendBase):
+    """Hands joblib's jobs to a dask cluster.
 
-    class DaskBackend(DaskDistributedBackend):
-        # Of one worker joblib would make none, and do the jobs in this process.
-        def effective_n_jobs(self, n_jobs: int) -> int:
-            return max(2, super().effective_n_jobs(n_jobs))
+    Joblib has such a backend, but waits for ever for a job that is lost with its worker, does the
+    jobs itself while the cluster has one worker, and leaves aborted jobs running.
+    """
 
-        # When a job is lost with its worker, joblib hears nothing and waits on.
-        def submit(self, func: Any, callback: Any = None) -> Any:
-            future = super().submit(func, callback)
-            future.add_done_callback(
-                lambda done: callback(done.exception()) if done.exception() else None
-            )
-            return future
+    supports_retrieve_callback = True
+    supports_return_generator = True
 
-    return DaskBackend()
+    def __init__(self, client: Any) -> None:
+        super().__init__()
+        self._client = client
+        self._sent: set[Any] = set()
+
+    def effective_n_jobs(self, n_jobs: int) -> int:
+        """Returns how many workers there are; of one, joblib would make none."""
+        return max(2, sum(self._client.ncores().values()))
+
+    def submit(self, func: Any, callback: Any = None) -> Any:
+        """Sends a job; the callback gets what it returns, or the exception that it met with."""
+        future = self._client.submit(func, pure=False)
+        self._sent.add(future)
+
+        def deliver(done: Any) -> None:
+            self._sent.discard(done)
+            try:
+                outcome = done.result()
+            except BaseException as error:
+                outcome = error
+            callback(outcome)
+
+        future.add_done_callback(deliver)
+        return future
+
+    def retrieve_result_callback(self, out: Any) -> Any:
+        """Returns what the callback got, or raises it."""
+        if isinstance(out, BaseException):
+            raise out
+        return out
+
+    def abort_everything(self, ensure_ready: bool = True) -> None:
+        """Cancels the jobs that are on their way."""
+        self._client.cancel(list(self._sent), force=True)
+        self._sent.clear()
 
 
 def _check_address(scheduler: str) -> None:
