@@ -18,9 +18,8 @@ from bench.experiments import cells_of
 from bench.presets import Study
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit
 from bench.store import Store
+from tasks import demos
 from tasks.data import Demos, Starts, generator
-from tasks.demos import VALIDATION as VALIDATION_DEMOS
-from tasks.demos import demos_key
 from tasks.errors import InputError
 from tasks.registry import get_task
 from tasks.simulator import Simulator
@@ -68,7 +67,7 @@ class Plan:
 
 def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     """Returns what a study will cost, given what its results folder already holds."""
-    recipes = {task: demos_key(get_task(task)) for task in study.tasks}
+    recipes = {task: demos.demos_key(get_task(task)) for task in study.tasks}
     cells = cells_of(study, recipes)
     store = Store(folder)
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
@@ -108,7 +107,7 @@ def _missing(store: Store, cell: Cell) -> int:
     """How many episodes of a cell are not there yet."""
     wanted = cell.episodes
     if cell.evaluation.split == VALIDATION:
-        wanted = min(wanted, VALIDATION_DEMOS)
+        wanted = min(wanted, demos.VALIDATION)
     stored = store.episodes(cell.fit, cell.evaluation)
     return max(0, wanted - (0 if stored is None else len(stored)))
 
