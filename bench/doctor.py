@@ -1,14 +1,13 @@
 """What this machine has, and what a run would miss."""
 
 import platform
-import shutil
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import joblib
 
-from bench.plan import total_memory
+from bench.plan import free_disk, total_memory
 from tasks.demos import cache_folder, demos_path
 from tasks.errors import InputError
 from tasks.experts import load_expert
@@ -42,8 +41,7 @@ def _packages() -> list[dict[str, Any]]:
 def _machine(folder: Path) -> list[dict[str, Any]]:
     memory = total_memory()
     cores = joblib.cpu_count()
-    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
-    free = shutil.disk_usage(there).free / 2**30
+    there, free = free_disk(folder)
     few = memory < LEAST_MEMORY * cores
     return [
         {"what": "cores", "found": str(cores), "advice": ""},

@@ -52,7 +52,7 @@ class Outcome:
     """What failed, each with its reason; the same run again tries it again."""
 
 
-def run(study: Study, folder: Path, where: Workers | None = None) -> Outcome:
+def run(study: Study, folder: Path, where: Workers) -> Outcome:
     """Computes and stores what is missing of a study; the same call again goes on.
 
     Where the study compares sizes, the sizes that do best decide the cells of the rest.
@@ -60,13 +60,12 @@ def run(study: Study, folder: Path, where: Workers | None = None) -> Outcome:
     Args:
         study: what is asked for.
         folder: the results folder, made if need be.
-        where: who does the jobs; as many processes as `default_jobs` says unless told.
+        where: who does the jobs.
 
     Raises:
         InputError: the study asks for what does not exist, or another run writes to the folder.
         KeyboardInterrupt: Ctrl-C; what had ended is stored.
     """
-    where = where or Workers(default_jobs())
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = {task: demos_key(get_task(task)) for task in study.tasks}

@@ -83,7 +83,6 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     size = BYTES_PER_FIT * len(learning) + BYTES_PER_STEP * sum(
         count * get_task(cells[i].fit.task).horizon for i, count in episodes.items()
     )
-    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     return Plan(
         cells=len(cells),
         missing_controllers=len(tracking),
@@ -94,8 +93,14 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
         wall_hours=seconds / jobs / 3600,
         memory_gib=GIB_PER_JOB * jobs,
         disk_gib=size / 2**30,
-        free_gib=shutil.disk_usage(there).free / 2**30,
+        free_gib=free_disk(folder)[1],
     )
+
+
+def free_disk(folder: Path) -> tuple[Path, float]:
+    """Returns what there is of the path to a folder, and what is free there [GiB]."""
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    return there, shutil.disk_usage(there).free / 2**30
 
 
 def total_memory() -> float:

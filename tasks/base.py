@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.data import BoolArray, FloatArray, Layout, Starts, generator
+from tasks.data import BoolArray, FloatArray, IntArray, Layout, Starts, generator
 from tasks.errors import InputError, unknown_name
 
 IN_DISTRIBUTION = ("train", "demo", "probe", "test")
@@ -235,6 +235,11 @@ class Task(ABC):
 
         Unlike there, kinematics are those of the present: the environment's own lag by a substep.
         """
+
+
+def count_decided(count: IntArray, left: int, exceeded: int) -> BoolArray:
+    """Returns whether a count (B,) exceeds a number, or cannot with as many more as are left."""
+    return (count > exceeded) | (count + left <= exceeded)
 
 
 def _servo_gain(actuator: str) -> float | None:

@@ -3,7 +3,7 @@
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
 
 TARGET_RADIUS = 0.1
@@ -65,8 +65,7 @@ class Relocation(Task):
 
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
         """Returns whether the steps at the target suffice, or can no longer, (B,)."""
-        count = self._steps_at_target(readings)
-        return (count > STEPS_AT_TARGET) | (count + left <= STEPS_AT_TARGET)
+        return count_decided(self._steps_at_target(readings), left, STEPS_AT_TARGET)
 
     def _steps_at_target(self, readings: FloatArray) -> IntArray:
         return (readings < TARGET_RADIUS).sum(axis=1)

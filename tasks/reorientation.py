@@ -3,7 +3,7 @@
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
 
 PEN_LENGTH = 0.13
@@ -85,8 +85,7 @@ class Reorientation(Task):
 
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
         """Returns whether the oriented steps suffice, or can no longer, (B,)."""
-        count = self._steps_oriented(readings)
-        return (count > STEPS_ORIENTED) | (count + left <= STEPS_ORIENTED)
+        return count_decided(self._steps_oriented(readings), left, STEPS_ORIENTED)
 
     def _steps_oriented(self, readings: FloatArray) -> IntArray:
         return (readings > SIMILARITY).sum(axis=1)
