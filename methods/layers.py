@@ -32,6 +32,13 @@ def linear(weights: Weights, name: str, x: Tensor) -> Tensor:
     return torch.baddbmm(bias[:, None], x, weight.transpose(1, 2))
 
 
+def after(weights: Weights, name: str, layer: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+    """Returns weight and bias of the one layer that the layer of a name, then another, make."""
+    weight, bias = layer
+    inner = weights[f"{name}.bias"][:, :, None]
+    return torch.bmm(weight, weights[f"{name}.weight"]), bias + torch.bmm(weight, inner)[..., 0]
+
+
 def mlp_weights(
     rng: np.random.Generator, name: str, widths: tuple[int, ...]
 ) -> dict[str, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from methods.layers import Weights, linear, linear_weights
+from methods.layers import Weights, after, linear, linear_weights
 from methods.network import NetworkConfig, NetworkMethod
 from tasks.data import FloatArray
 
@@ -68,15 +68,23 @@ class LSTM(NetworkMethod):
         self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
     ) -> Tensor:
         """Returns the states that follow, from an empty memory."""
-        x, states = start, []
-        hidden = start.new_zeros(*start.shape[:2], self.config.hidden)
-        cell = torch.zeros_like(hidden)
-        for t in range(steps):
-            x = x if truth is None else truth[:, :, t]
-            seen = torch.cat([linear(weights, "into", x), hidden], dim=2)
-            write, forget, new, show = linear(weights, "gates", seen).chunk(4, dim=2)
-            cell = forget.sigmoid() * cell + write.sigmoid() * new.tanh()
-            hidden = show.sigmoid() * cell.tanh()
-            x = linear(weights, "out", hidden)
-            states.append(x)
-        return torch.stack(states, dim=2)
+        embedding, hidden = self.config.embedding, self.config.hidden
+        from_embedding, memory = weights["gates.weight"].split([embedding, hidden], dim=2)
+        gates, bias = after(weights, "into", (from_embedding, weights["gates.bias"]))
+        if truth is None:
+            # Nothing bends between the LSTM and the gates of the next step, so that the layers on
+            # the way become one: an LSTM that sees nothing but where it starts.
+            again, bias = after(weights, "out", (gates, bias))
+            memory = memory + again
+            seen = start.new_zeros(*start.shape[:2], steps, start.shape[2])
+            seen[:, :, 0] = start - weights["out.bias"][:, None]
+        else:
+            seen = truth[:, :, :steps]
+        empty = start.new_zeros(1, start.shape[1], hidden)
+        layers = zip(gates, memory, bias, torch.zeros_like(bias), strict=True)
+        shown = [
+            torch.lstm(x, (empty, empty), layer, True, 1, 0.0, True, False, True)[0]
+            for x, layer in zip(seen, layers, strict=True)
+        ]
+        states = linear(weights, "out", torch.stack(shown).flatten(1, 2))
+        return states.unflatten(1, (-1, steps))
