@@ -50,5 +50,5 @@ clean: ## Remove .venv and caches
 	@touch $@
 
 .venv/installed-dev: .venv/bin/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dask,data,dev,expert]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dask,data,dev,expert,video]'
 	@touch .venv/installed $@

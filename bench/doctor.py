@@ -8,6 +8,7 @@ from typing import Any
 import joblib
 
 from bench.plan import free_disk, total_memory
+from bench.renderer import renderer
 from tasks.demos import cache_folder, demos_path
 from tasks.errors import InputError
 from tasks.experts import load_expert
@@ -24,7 +25,7 @@ def examine(folder: Path) -> list[dict[str, Any]]:
     Args:
         folder: where results would be written.
     """
-    return [*_packages(), *_machine(folder), *_experts()]
+    return [*_packages(), *_machine(folder), _drawing(), *_experts()]
 
 
 def _packages() -> list[dict[str, Any]]:
@@ -61,6 +62,12 @@ def _machine(folder: Path) -> list[dict[str, Any]]:
         },
         {"what": "cache", "found": str(cache_folder()), "advice": ""},
     ]
+
+
+def _drawing() -> dict[str, Any]:
+    found = renderer()
+    advice = "for films, install EGL or OSMesa: libegl1 and libgl1-mesa-dri on Debian"
+    return {"what": "renderer", "found": found or "none", "advice": "" if found else advice}
 
 
 def _experts() -> list[dict[str, Any]]:

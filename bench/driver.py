@@ -176,7 +176,7 @@ class _Runner:
             "evaluations",
             evaluation_job,
             [[piece] for piece in missing],
-            lambda pieces: (pieces[0], *self._learnt(pieces[0].cell), threads),
+            lambda pieces: (pieces[0], *learnt(self.store, pieces[0].cell), threads),
             lambda piece, result: self.store.add_episodes(
                 piece.cell.fit, piece.cell.evaluation, result, piece.keep
             ),
@@ -195,12 +195,6 @@ class _Runner:
             return None
         keep = found // CHUNK * CHUNK
         return _Piece(cell, starts[keep:], keep)
-
-    def _learnt(self, cell: Cell) -> tuple[Parameters, Parameters]:
-        if cell.fit.method == EXPERT:
-            return {}, {}
-        controller = self.store.controller_weights(cell.controller) if cell.controller else {}
-        return self.store.parameters(cell.fit), controller
 
     def _dispatch(
         self,
@@ -304,6 +298,14 @@ def evaluation_job(
     policy = make_policy(piece.cell.fit, parameters, controller)
     physics = piece.cell.evaluation.physics
     return [rollout(task, piece.starts, policy, physics, threads=threads)]
+
+
+def learnt(store: Store, cell: Cell) -> tuple[Parameters, Parameters]:
+    """Returns what is stored of a cell's method and of its controller; nothing of an expert."""
+    if cell.fit.method == EXPERT:
+        return {}, {}
+    controller = store.controller_weights(cell.controller) if cell.controller else {}
+    return store.parameters(cell.fit), controller
 
 
 def make_policy(fit: Fit, parameters: Parameters, controller: Parameters) -> Policy:

@@ -18,12 +18,12 @@ class TrackedMotion:
         """Predicts the motions of all episodes, for as long as the task lasts."""
         task = simulator.task
         motion = self.method.rollout(simulator.state(), task.horizon - 1)
-        self._wanted = motion[:, :, : task.robot_dim]
+        self.motion = motion[:, :, : task.robot_dim]
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
         """Returns the controller's actions (B, A) towards the next row of the motion."""
         present = simulator.batch.qpos[:, : simulator.task.robot_dim]
-        return self.controller.act(present, self._wanted[:, step + 1])
+        return self.controller.act(present, self.motion[:, step + 1])
 
 
 class FeedbackPolicy:

@@ -1,6 +1,6 @@
 """Whether stored results are what this machine finds: fit and evaluate some of them again."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -64,7 +64,7 @@ def verify(folder: Path, count: int, episodes: int, draw: int, where: Workers) -
     rows = store.frame().to_dict("records")
     order = generator("verify", draw).permutation(len(rows))[:count]
     chosen = [rows[index] for index in sorted(order)]
-    cells = [_cell(store, row, episodes) for row in chosen]
+    cells = [stored_cell(store, row, episodes) for row in chosen]
     with TemporaryDirectory() as place:
         outcome = run_cells(cells, Path(place), where)
         if outcome.failed:
@@ -87,7 +87,12 @@ def _compare(
     return verdicts
 
 
-def _cell(store: Store, row: dict[str, Any], episodes: int) -> Cell:
+def stored_cell(store: Store, row: Mapping[str, Any], episodes: int) -> Cell:
+    """Returns the cell of a row of `Store.frame`, with at most so many episodes.
+
+    Raises:
+        InputError: it is from other demonstrations than this installation makes.
+    """
     fit = Fit(**{field.name: row[field.name] for field in fields(Fit)})
     if fit.recipe != demos_key(get_task(fit.task)):
         raise InputError(

@@ -1,11 +1,12 @@
 """`bench report`, `pack` and `compare`: stored results to tables and figures."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.options import AsJson
+from bench.options import AsJson, TaskName
 from tasks.errors import InputError
 
 
@@ -27,7 +28,8 @@ def report(
     if reference and not is_packed(SHIPPED):
         raise InputError("no reference results are shipped with this version")
     place = out or (Path("report") if folder is None else folder / "report")
-    written = write_report(Results(folder or SHIPPED), place)
+    source = folder or SHIPPED
+    written = write_report(Results(source), place, source / "videos")
     for path in written:
         print(path.read_text())
     if export is not None and folder is not None:
@@ -64,3 +66,32 @@ def compare(
         print(table.to_json(orient="records"))
     else:
         print(table.to_markdown(index=False, floatfmt=".3g"))
+
+
+def video(
+    task: TaskName,
+    results: Annotated[Path, typer.Option(help="Results folder of `bench run`.")],
+    methods: Annotated[str, typer.Option(help="Comma-separated, from left to right.")],
+    start: Annotated[
+        int | None, typer.Option(min=0, help="Of test; else a success and a failure of the first.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; else RESULTS/videos.")] = None,
+) -> None:
+    """Film methods side by side from the same start, what each had planned as a ghost."""
+    from bench.renderer import renderer
+
+    drawing = renderer()
+    if drawing is None:
+        raise InputError("this machine cannot draw: see bench doctor")
+    os.environ["MUJOCO_GL"] = drawing
+    try:
+        from reports.video import film, telling
+    except ImportError as error:
+        raise InputError(f"{error}; install the extra: pip install kodex-bench[video]") from error
+
+    names = methods.split(",")
+    starts = telling(results, task, names[0]) if start is None else {f"start-{start}": start}
+    for name, index in starts.items():
+        path = (out or results / "videos") / f"{task}-{name}.mp4"
+        film(results, task, names, index, path)
+        print(path)

@@ -1,5 +1,6 @@
 """The report as one self-contained HTML page: no network, nothing but itself."""
 
+import base64
 import json
 import re
 from pathlib import Path
@@ -10,6 +11,7 @@ from markupsafe import Markup
 
 from reports.exhibit import Exhibit
 from reports.results import Results
+from reports.style import display
 
 TEMPLATES = Path(__file__).with_name("templates")
 NONCE = "kodex-bench"
@@ -23,6 +25,7 @@ def render(
     exhibits: list[Exhibit],
     claims: pd.DataFrame,
     figures: Path,
+    films: Path | None = None,
 ) -> str:
     """Returns the page.
 
@@ -32,6 +35,7 @@ def render(
         exhibits: in the order of the page.
         claims: as `reports.claims.verdicts` gives them.
         figures: where the SVG files of the exhibits are.
+        films: where the MP4 files of `bench video` are, if there are any.
     """
     shown = [exhibit for exhibit in exhibits if exhibit.name in tables]
     missing = [exhibit.title for exhibit in exhibits if exhibit.name not in tables]
@@ -41,6 +45,7 @@ def render(
         nonce=NONCE,
         notes=results.notes,
         parts=[_part(exhibit, tables[exhibit.name], figures) for exhibit in shown],
+        films=[_film(path) for path in sorted(films.glob("*.mp4"))] if films else [],
         claims=claims.to_dict("records"),
         missing=missing,
         cells=f"{len(results.frame):,}",
@@ -61,6 +66,12 @@ def _part(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, obj
         "caption": exhibit.caption(table),
         "svg": _inline(exhibit.name, path.read_text()) if path.exists() else None,
     }
+
+
+def _film(path: Path) -> dict[str, str]:
+    task, _, what = path.stem.partition("-")
+    data = base64.b64encode(path.read_bytes()).decode()
+    return {"title": f"{display(task)}: {what.replace('-', ' ')}", "data": data}
 
 
 def _inline(name: str, svg: str) -> Markup:

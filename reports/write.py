@@ -34,12 +34,13 @@ def exhibits() -> list[Exhibit]:
     return [import_module(f"reports.{name}").EXHIBIT for name in MODULES]
 
 
-def write_report(results: Results, folder: Path) -> list[Path]:
+def write_report(results: Results, folder: Path, films: Path | None = None) -> list[Path]:
     """Writes every exhibit that there are results for; returns the Markdown tables' paths.
 
     Args:
         results: of a run.
         folder: gets ``index.html``, ``tables/`` and ``figures/``.
+        films: folder of `bench video`, whose films the page shows.
     """
     made = {exhibit.name: exhibit.table(results) for exhibit in exhibits()}
     tables = {name: table for name, table in made.items() if len(table)}
@@ -51,7 +52,7 @@ def write_report(results: Results, folder: Path) -> list[Path]:
                 _write_figure(exhibit, tables[exhibit.name], folder / "figures")
     claims = verdicts(results)
     claims.to_csv(folder / "tables" / "claims.csv", index=False)
-    page = render(results, tables, exhibits(), claims, folder / "figures")
+    page = render(results, tables, exhibits(), claims, folder / "figures", films)
     (folder / "index.html").write_text(page)
     return written
 

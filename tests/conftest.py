@@ -1,5 +1,6 @@
 import hashlib
 import json
+import os
 import sys
 from dataclasses import dataclass, replace
 
@@ -7,6 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from safetensors.numpy import save
+
+from bench.renderer import renderer
+
+# MuJoCo reads it when it is imported.
+os.environ["MUJOCO_GL"] = renderer() or ""
 
 from bench.cli import main
 from bench.presets import PRESETS

@@ -1,0 +1,193 @@
+"""Films: one start, each method beside the others, with the motion that it had planned as a ghost.
+
+MuJoCo's renderer needs OpenGL without a screen, see `bench.renderer`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageColor, ImageDraw, ImageFont
+
+from bench.driver import learnt, make_policy
+from bench.rollout import TrackedMotion
+from bench.store import Store
+from bench.verify import stored_cell
+from reports.results import Results
+from reports.style import colour, display
+from tasks.base import Task
+from tasks.data import FloatArray, Starts
+from tasks.errors import InputError
+from tasks.registry import get_task
+from tasks.simulator import Policy, Simulator, rollout
+
+Frame = NDArray[np.uint8]
+
+SIZE, BAR = 320, 32
+"""Pixels of a picture, and of the bar above it."""
+RATE = 25
+"""Pictures a second, each of a control step of 10 ms: four times slower than it happens."""
+STILL = RATE
+"""Pictures of the end, once it is known whether the method succeeded."""
+VIEWS = {"reorientation": ((0.12, -0.05, 0.2), 0.9)}
+"""What the camera looks at and from how far [m], where it is not `VIEW`."""
+VIEW = ((0.0, 0.0, 0.25), 1.3)
+GHOST = (0.1, 0.4, 0.9, 0.25)
+
+
+@dataclass(frozen=True)
+class Take:
+    """One episode of a method."""
+
+    method: str
+    task: Task
+    model: mujoco.MjModel
+    """With the objects where the start has put them."""
+    positions: FloatArray
+    """(T, nq) of the whole scene."""
+    planned: FloatArray | None
+    """(T, H) of the hand's joints, of a method that plans."""
+    success: bool
+
+
+class Watched:
+    """A policy of one episode, with what it passes through."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+        self.positions: list[FloatArray] = []
+
+    def reset(self, simulator: Simulator) -> None:
+        """Notes where the episode begins."""
+        self.policy.reset(simulator)
+        self.simulator = simulator
+        self.model = simulator.batch.get_model(0)
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        """Notes where the episode is, and acts."""
+        self.positions.append(simulator.batch.qpos[0].copy())
+        return self.policy.act(simulator, step)
+
+
+def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path: Path) -> None:
+    """Writes an MP4 film of methods, each fitted with its first seed, from one start of ``test``.
+
+    Args:
+        folder: results of `bench run`.
+        task_name: what they do.
+        methods: from left to right.
+        start: its number.
+        path: of the film.
+
+    Raises:
+        InputError: a method has no results of this task there.
+    """
+    import imageio_ffmpeg
+
+    task = get_task(task_name)
+    starts = task.sample("test", start + 1)[start:]
+    takes = [take(folder, task, method, starts) for method in methods]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    size = (SIZE * len(takes), SIZE + BAR)
+    temporary = path.with_name(f".{path.name}")
+    writer = imageio_ffmpeg.write_frames(
+        str(temporary), size, fps=RATE, macro_block_size=SIZE // 10
+    )
+    writer.send(None)
+    for frame in frames(takes):
+        writer.send(np.ascontiguousarray(frame))
+    writer.close()
+    temporary.replace(path)
+
+
+def telling(folder: Path, task_name: str, method: str) -> dict[str, int]:
+    """Returns the first start of ``test`` where a method's first seed succeeds, and fails."""
+    results = Results(folder)
+    success = results.outcomes(_row(results, task_name, method)).success.to_numpy(bool)
+    found = {"success": np.flatnonzero(success), "failure": np.flatnonzero(~success)}
+    return {name: int(starts[0]) for name, starts in found.items() if len(starts)}
+
+
+def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
+    """Returns the episode of a method from a start."""
+    store, results = Store(folder), Results(folder)
+    cell = stored_cell(store, _row(results, task.name, method), 1)
+    policy = make_policy(cell.fit, *learnt(store, cell))
+    watched = Watched(policy)
+    outcome = rollout(task, starts, watched, threads=1, whole=True)
+    positions = np.stack([*watched.positions, watched.simulator.batch.qpos[0]])
+    planned = policy.motion[0] if isinstance(policy, TrackedMotion) else None
+    return Take(method, task, watched.model, positions, planned, bool(outcome.success[0]))
+
+
+def frames(takes: Sequence[Take]) -> Iterator[Frame]:
+    """Yields the pictures (SIZE + BAR, SIZE x methods, 3)."""
+    renderers = [mujoco.Renderer(take.model, SIZE, SIZE) for take in takes]
+    last = max(len(take.positions) for take in takes) - 1
+    for step in [*range(last + 1), *[last] * STILL]:
+        ended = step == last
+        pairs = zip(takes, renderers, strict=True)
+        yield np.concatenate([_picture(take, r, step, ended) for take, r in pairs], axis=1)
+    for renderer in renderers:
+        renderer.close()
+
+
+def _row(results: Results, task: str, method: str) -> dict[str, Any]:
+    found = results.main(task=task, method=method, split="test").sort_values("seed")
+    if found.empty:
+        raise InputError(f"no results of {method!r} on unseen starts of {task!r} to film")
+    return dict(found.to_dict("records")[0])
+
+
+def _picture(take: Take, renderer: mujoco.Renderer, step: int, ended: bool) -> Frame:
+    step = min(step, len(take.positions) - 1)
+    data = mujoco.MjData(take.model)
+    data.qpos = take.positions[step]
+    mujoco.mj_forward(take.model, data)
+    renderer.update_scene(data, _camera(take.task.name))
+    for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+        renderer.scene.flags[effect] = 0
+    if take.planned is not None:
+        _add_ghost(take, renderer.scene, data, take.planned[step])
+    picture = Image.new("RGB", (SIZE, SIZE + BAR), colour(take.method, 0))
+    picture.paste(Image.fromarray(renderer.render()), (0, BAR))
+    text = display(take.method)
+    if ended:
+        text += ": success" if take.success else ": failure"
+    draw = ImageDraw.Draw(picture)
+    draw.text((8, 5), text, fill=_legible_on(colour(take.method, 0)), font=_font())
+    return np.asarray(picture)
+
+
+def _camera(task: str) -> mujoco.MjvCamera:
+    """From behind the arm, above the table."""
+    camera = mujoco.MjvCamera()
+    camera.lookat[:], camera.distance = VIEWS.get(task, VIEW)
+    camera.azimuth, camera.elevation = 70.0, -35.0
+    return camera
+
+
+def _font() -> Any:
+    return ImageFont.load_default(size=18)
+
+
+def _legible_on(background: str) -> str:
+    red, green, blue = ImageColor.getrgb(background)[:3]
+    return "black" if 0.3 * red + 0.6 * green + 0.1 * blue > 128 else "white"
+
+
+def _add_ghost(take: Take, scene: mujoco.MjvScene, data: mujoco.MjData, joints: FloatArray) -> None:
+    """Adds a translucent hand at the planned joints."""
+    model, before = take.model, scene.ngeom
+    data.qpos[: take.task.robot_dim] = joints
+    mujoco.mj_forward(model, data)
+    option, perturb = mujoco.MjvOption(), mujoco.MjvPerturb()
+    mujoco.mjv_addGeoms(model, data, option, perturb, mujoco.mjtCatBit.mjCAT_DYNAMIC, scene)
+    arm = model.jnt_bodyid[0]
+    for geom in scene.geoms[before : scene.ngeom]:
+        of_hand = model.body_rootid[model.geom_bodyid[geom.objid]] == model.body_rootid[arm]
+        geom.rgba = GHOST if of_hand else (0, 0, 0, 0)

@@ -1,0 +1,60 @@
+"""Films of stored methods, drawn and read back."""
+
+import os
+import subprocess
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.skipif(
+    not os.environ["MUJOCO_GL"], reason="MuJoCo cannot draw on this machine"
+)
+CHOICE = ("--methods", "expert,kodex", "--start", "1")
+
+
+@pytest.fixture
+def results(bench, task, smoke, tmp_path):
+    folder = tmp_path / "results"
+    options = ("--experiments", "success", "--episodes", "3", "--jobs", "1")
+    assert bench("run", "smoke", "--tasks", task.name, *options, "--out", str(folder))[0] == 0
+    return folder
+
+
+def pictures(path, height, width):
+    decode = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path)]
+    raw = subprocess.run(
+        [*decode, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+    )
+    return np.frombuffer(raw.stdout, np.uint8).reshape(-1, height, width, 3)
+
+
+@pytest.mark.parametrize("task", ["door", "reorientation"], indirect=True)
+def test_a_film_shows_each_method_from_start_to_end_and_is_in_the_page(bench, task, results):
+    code, out, err = bench("video", task.name, "--results", str(results), *CHOICE)
+    assert (code, err) == (0, "")
+    path = results / "videos" / f"{task.name}-start-1.mp4"
+    assert out.split() == [str(path)]
+    film = pictures(path, 352, 640)
+    assert len(film) == task.horizon + 25
+    hand = [part.astype(int) for part in np.split(film[0][40:], 2, axis=1)]
+    assert np.abs(hand[0] - hand[1]).max() > 30, "only KODex has a ghost"
+    assert np.abs(film[0][40:].astype(int) - film[-1][40:]).max() > 60, "nothing moves"
+    assert bench("report", str(results))[0] == 0
+    assert "data:video/mp4;base64," in (results / "report" / "index.html").read_text()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_without_a_start_there_is_a_film_of_success_and_one_of_failure(bench, task, results):
+    code, out, _ = bench("video", task.name, "--results", str(results), "--methods", "kodex")
+    assert code == 0
+    names = [f"{task.name}-{what}.mp4" for what in ("success", "failure")]
+    assert out.split() == [str(results / "videos" / name) for name in names]
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_method_without_results_is_named(bench, task, results):
+    code, _, err = bench("video", task.name, "--results", str(results), "--methods", "nn")
+    assert code == 2
+    assert "no results of 'nn' on unseen starts of 'door'" in err
+    assert not (results / "videos").exists()
