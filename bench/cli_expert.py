@@ -32,7 +32,7 @@ def train(
     folder = folder or cache_folder() / "experts" / task
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
-        bar = progress.add_task(task, total=RECIPES[task].all_steps)
+        bar = progress.add_task(task, total=RECIPES[task].steps)
 
         def report(row: dict[str, float]) -> None:
             shown = "{steps:,} steps, success {success:.0%}, reward {reward:.2f}".format(**row)

@@ -30,6 +30,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from tasks.base import Task
 from tasks.data import FloatArray, generator
+from tasks.errors import InputError
 from tasks.experts import CLIP, Expert, evaluate, expert_input
 from tasks.recipes import RECIPES, Recipe
 from tasks.simulator import Simulator
@@ -61,7 +62,7 @@ def train(task: Task, folder: Path, report: Report, threads: int = 2) -> Path:
     if progress.checkpoint.exists():
         progress.load(model, env)
         _seed(task, model.num_timesteps)
-    remaining = recipe.all_steps - model.num_timesteps
+    remaining = recipe.steps - model.num_timesteps
     if remaining > 0:
         model.learn(remaining, callback=progress, reset_num_timesteps=model.num_timesteps == 0)
     return progress.checkpoint
@@ -118,7 +119,7 @@ def _model(env: VecNormalize, recipe: Recipe) -> PPO:
     return PPO(
         TimeBlindPolicy,
         env,
-        learning_rate=lambda remaining: recipe.rate_at((1 - remaining) * recipe.all_steps),
+        learning_rate=lambda remaining: recipe.rate_at((1 - remaining) * recipe.steps),
         n_steps=samples // recipe.episodes,
         batch_size=samples // recipe.minibatches,
         n_epochs=recipe.epochs,
@@ -312,8 +313,15 @@ class Progress(BaseCallback):
 
 
 def read_checkpoint(folder: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
-    """Returns the tensors of a run's checkpoint, and its counts of steps and seconds."""
-    with safe_open(folder / "checkpoint.safetensors", "pt") as file:
+    """Returns the tensors of a run's checkpoint, and its counts of steps and seconds.
+
+    Raises:
+        InputError: the folder holds none.
+    """
+    path = folder / "checkpoint.safetensors"
+    if not path.exists():
+        raise InputError(f"{folder} is no training run: it holds no {path.name}")
+    with safe_open(path, "pt") as file:
         names = file.keys()
         return {name: file.get_tensor(name) for name in names}, file.metadata()
 
