@@ -51,6 +51,6 @@ def load(folder: str | Path) -> pd.DataFrame:
     Raises:
         InputError: the folder holds no results.
     """
-    from bench.store import Store
+    from bench.store import Store, episodes_table
 
-    return Store(Path(folder)).episodes_table()
+    return episodes_table(Store(Path(folder)))

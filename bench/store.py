@@ -27,7 +27,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -260,20 +260,6 @@ class Store:
         frame: pd.DataFrame = pd.read_parquet(self.cells / row["folder"] / name, columns=columns)
         return frame
 
-    def episodes_table(self) -> pd.DataFrame:
-        """Returns all that `outcomes` returns, under the names of `frame`, see `bench.load`."""
-        names = ["task", "method", "variant", "size", "demos", "seed"]
-        names += ["split", "physics", "controller"]
-        frame = self.frame()
-        if frame.empty:
-            return pd.DataFrame(columns=[*names, "start", "success", "diverged", "steps"])
-        parts = [self.outcomes(row) for row in frame.to_dict("records")]
-        table = pd.concat(parts, ignore_index=True)
-        rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])
-        labels = frame[names].astype({name: "category" for name in names if name not in NUMBERS})
-        return pd.concat([labels.iloc[rows].reset_index(drop=True), table], axis=1)
-
-    # Failures
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
         """Notes why there is no result of that label, and how often it was tried in all."""
         path = self._failure(label)
@@ -360,6 +346,39 @@ class Store:
         target = place / f"{path.parent.name}-{path.name}-{len(list(place.iterdir()))}"
         path.rename(target)
         print(f"{path}: {reason}; set aside as {target}", file=sys.stderr)
+
+
+class Source(Protocol):
+    """What results can be read from."""
+
+    def frame(self) -> pd.DataFrame:
+        """See `Store.frame`."""
+
+    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
+        """See `Store.outcomes`."""
+
+    def diagnostics(self, folder: str) -> Parameters:
+        """See `Store.diagnostics`."""
+
+    def facts(self, folder: str) -> dict[str, Any]:
+        """See `Store.facts`."""
+
+    def notes(self) -> list[str]:
+        """See `Store.notes`."""
+
+
+def episodes_table(source: Source) -> pd.DataFrame:
+    """Returns all that `Store.outcomes` returns, under the names of `frame`, see `bench.load`."""
+    names = ["task", "method", "variant", "size", "demos", "seed"]
+    names += ["split", "physics", "controller"]
+    frame = source.frame()
+    if frame.empty:
+        return pd.DataFrame(columns=[*names, "start", "success", "diverged", "steps"])
+    parts = [source.outcomes(row) for row in frame.to_dict("records")]
+    table = pd.concat(parts, ignore_index=True)
+    rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])
+    labels = frame[names].astype({name: "category" for name in names if name not in NUMBERS})
+    return pd.concat([labels.iloc[rows].reset_index(drop=True), table], axis=1)
 
 
 def folder_name(label: str, key: str) -> str:

@@ -9,16 +9,23 @@ import typer
 from bench.options import AsJson, TaskName
 from tasks.errors import InputError
 
+Beside = Annotated[
+    bool, typer.Option("--with-reference", help="Shipped results of other methods beside them.")
+]
+
 
 def report(
     folder: Annotated[
         Path | None, typer.Argument(help="Of `bench run` or `bench pack`; else --reference.")
     ] = None,
     reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
+    with_reference: Beside = False,
+    mixed: Annotated[bool, typer.Option("--mixed", help="Fits of several versions, too.")] = False,
     out: Annotated[Path | None, typer.Option(help="Else FOLDER/report, or ./report.")] = None,
     export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
 ) -> None:
     """Write the tables, figures and page of stored results, or of those that are shipped."""
+    from bench.store import episodes_table
     from reports.reference import SHIPPED, is_packed
     from reports.results import Results
     from reports.write import write_report
@@ -29,13 +36,14 @@ def report(
         raise InputError("no reference results are shipped with this version")
     place = out or (Path("report") if folder is None else folder / "report")
     source = folder or SHIPPED
-    written = write_report(Results(source), place, source / "videos")
+    results = Results(source, with_reference)
+    if not mixed and not with_reference:
+        results.check_versions()
+    written = write_report(results, place, source / "videos")
     for path in written:
         print(path.read_text())
-    if export is not None and folder is not None:
-        import bench
-
-        bench.load(folder).to_parquet(export, index=False)
+    if export is not None:
+        episodes_table(results.source).to_parquet(export, index=False)
     print(f"{len(written)} exhibit(s) in {place}")
 
 
@@ -55,13 +63,14 @@ def pack(
 def compare(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
     methods: Annotated[str, typer.Option(help="Two or more, comma-separated.")],
+    with_reference: Beside = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare methods on the same starts: difference, 95% interval, p, and q of false discovery."""
     from reports.compare import compare as compare_methods
     from reports.results import Results
 
-    table = compare_methods(Results(folder), methods.split(","))
+    table = compare_methods(Results(folder, with_reference), methods.split(","))
     if as_json:
         print(table.to_json(orient="records"))
     else:

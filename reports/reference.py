@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file, save_file
 
-from bench.store import Store
+from bench.store import Source, Store
 from methods.base import Parameters
 from tasks.errors import InputError
 
@@ -69,8 +69,7 @@ class Packed:
 
     def frame(self) -> pd.DataFrame:
         """See `bench.store.Store.frame`."""
-        frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        return frame.assign(config=frame.config.map(json.loads))
+        return self._evaluations
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """See `bench.store.Store.outcomes`."""
@@ -91,6 +90,11 @@ class Packed:
         return list(self._provenance["notes"])
 
     @cached_property
+    def _evaluations(self) -> pd.DataFrame:
+        frame = pd.read_parquet(self.folder / "evaluations.parquet")
+        return frame.assign(config=frame.config.map(json.loads))
+
+    @cached_property
     def _provenance(self) -> dict[str, Any]:
         return dict(json.loads((self.folder / "provenance.json").read_bytes()))
 
@@ -100,7 +104,7 @@ class Packed:
 
     @cached_property
     def _places(self) -> dict[tuple[str, ...], int]:
-        frame = self.frame()
+        frame = self._evaluations
         columns = (frame[name] for name in ("folder", "split", "physics", "controller"))
         return {place: row for row, place in enumerate(zip(*columns, strict=True))}
 
@@ -111,3 +115,53 @@ class Packed:
         table = table.drop(columns="evaluation")
         bounds = [0, *ends, len(table)]
         return [table.iloc[a:b] for a, b in pairwise(bounds)]
+
+
+class Beside:
+    """Results of a run, and beside them the shipped ones of methods that the run has not."""
+
+    def __init__(self, own: Source) -> None:
+        """Takes the results of the run.
+
+        Raises:
+            InputError: nothing is shipped, or it is from other demonstrations than the run's.
+        """
+        if not is_packed(SHIPPED):
+            raise InputError("no reference results are shipped with this version")
+        self._own, self._shipped = own, Packed(SHIPPED)
+        mine, theirs = own.frame(), self._shipped.frame()
+        theirs = theirs[theirs.task.isin(mine.task) & ~theirs.method.isin(mine.method)]
+        for task, recipes in pd.concat([mine, theirs]).groupby("task").recipe:
+            if recipes.nunique() > 1:
+                raise InputError(
+                    f"the shipped results of {task} are from other demonstrations than these: of"
+                    " another expert, task or version of MuJoCo"
+                )
+        self._frame = pd.concat([mine, theirs], ignore_index=True)
+        self._folders = frozenset(mine.folder)
+        self.methods = tuple(theirs.method.unique())
+        """The methods whose results are the shipped ones."""
+
+    def frame(self) -> pd.DataFrame:
+        """See `bench.store.Store.frame`."""
+        return self._frame
+
+    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
+        """See `bench.store.Store.outcomes`."""
+        return self._of(row["folder"]).outcomes(row)
+
+    def diagnostics(self, folder: str) -> Parameters:
+        """See `bench.store.Store.diagnostics`."""
+        return self._of(folder).diagnostics(folder)
+
+    def facts(self, folder: str) -> dict[str, Any]:
+        """See `bench.store.Store.facts`."""
+        return self._of(folder).facts(folder)
+
+    def notes(self) -> list[str]:
+        """See `bench.store.Store.notes`; says which methods come from another machine."""
+        origin = f"From another machine, as shipped: {', '.join(self.methods) or 'nothing'}."
+        return [*self._own.notes(), origin]
+
+    def _of(self, folder: str) -> Source:
+        return self._own if folder in self._folders else self._shipped

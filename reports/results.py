@@ -8,42 +8,65 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.store import Store
+from bench.store import Source, Store
 from methods.base import Parameters
-from reports.reference import Packed, is_packed
+from reports.reference import Beside, Packed, is_packed
 from reports.stats import rate_interval
 from tasks.data import BoolArray
+from tasks.errors import InputError
 
 SIZES = ("small", "median", "large")
 
 
 class Results:
-    """The results of a run, read from its folder, or packed as `reports.reference` packs them."""
+    """The results of a run."""
 
-    def __init__(self, folder: Path) -> None:
-        self._store = Packed(folder) if is_packed(folder) else Store(folder)
+    def __init__(self, folder: Path, beside: bool = False) -> None:
+        """Opens results.
+
+        Args:
+            folder: of `bench run`, or of `bench pack`.
+            beside: whether to lay the shipped results of other methods beside them.
+
+        Raises:
+            InputError: see `reports.reference.Beside`.
+        """
+        self.source: Source = Packed(folder) if is_packed(folder) else Store(folder)
+        if beside:
+            self.source = Beside(self.source)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
         """One row for each stored evaluation, see `bench.store.Store.frame`."""
-        return self._store.frame()
+        return self.source.frame()
 
     @cached_property
     def notes(self) -> list[str]:
         """What a reader must know of the whole, such as a reduced protocol."""
-        return self._store.notes()
+        return self.source.notes()
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
         """The hosts and versions that the fits come from, each once."""
         folders = self.frame.folder.unique() if len(self.frame) else []
-        facts = [self._store.facts(folder) for folder in folders]
+        facts = [self.source.facts(folder) for folder in folders]
         origins = [{"host": one["host"], "versions": one["versions"]} for one in facts]
         return [origin for i, origin in enumerate(origins) if origin not in origins[:i]]
 
+    def check_versions(self) -> None:
+        """Raises InputError if the fits come from several versions of a library."""
+        versions = pd.DataFrame([origin["versions"] for origin in self.provenance])
+        for library in versions.columns:
+            found = sorted(versions[library].dropna().unique())
+            if len(found) > 1:
+                raise InputError(
+                    f"the fits come from {library} {' and '.join(found)}, whose numbers need not"
+                    " compare: give --mixed to show them all the same"
+                )
+
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that the frame names."""
-        return self._store.diagnostics(folder)
+        return self.source.diagnostics(folder)
 
     def first(self, evaluations: pd.DataFrame, episodes: int) -> pd.DataFrame:
         """Returns the evaluations as they were after so many episodes."""
@@ -61,7 +84,7 @@ class Results:
 
     def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
         """Returns the episodes of a row of the frame, see `bench.store.Store.outcomes`."""
-        return self._store.outcomes(row)
+        return self.source.outcomes(row)
 
     def success(self, **values: object) -> BoolArray | None:
         """Returns success of each seed's fit from each start, (S, N), of what `main` selects.

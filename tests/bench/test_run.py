@@ -166,6 +166,46 @@ class TestInProcess:
         page = "report/index.html"
         assert (small / page).read_bytes() == (out / page).read_bytes()
 
+    def test_shipped_results_are_laid_beside_those_of_a_run(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        out, theirs, small = tmp_path / "mine", tmp_path / "theirs", tmp_path / "small"
+        options = ("--jobs", "1", "--set", "nn.epochs=1", "--out")
+        bench("run", "smoke", "--methods", "kodex,nn", *options, str(theirs))
+        bench("run", "smoke", "--methods", "kodex", *options[:2], "--out", str(out))
+        bench("pack", str(theirs), "--out", str(small))
+        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        export = tmp_path / "all.parquet"
+        code, _, error = bench("report", str(out), "--with-reference", "--export", str(export))
+        assert (code, error) == (0, "")
+        assert "From another machine, as shipped: nn." in (out / "report/index.html").read_text()
+        rows = (out / "report/tables/unseen.csv").read_text()
+        assert "nn,door" in rows
+        assert set(pd.read_parquet(export).method) == {"expert", "kodex", "nn"}
+        pair = ("--methods", "kodex,nn", "--json")
+        rows = json.loads(bench("compare", str(out), "--with-reference", *pair)[1])
+        assert [row["split"] for row in rows] == ["test", "ood"]
+        assert json.loads(bench("compare", str(theirs), *pair)[1]) == rows
+
+    def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        code, _, error = bench("report", str(tmp_path), "--with-reference")
+        assert code == 2
+        assert "no reference results are shipped" in error
+
+    def test_fits_of_several_versions_are_shown_only_when_asked_for(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        monkeypatch.setattr("bench.driver.version", lambda name: "9.9")
+        options = ("--methods", "nn", "--set", "nn.epochs=1", "--jobs", "1")
+        bench("run", "smoke", *options, "--out", str(tmp_path))
+        code, _, error = bench("report", str(tmp_path))
+        assert code == 2
+        assert "9.9" in error
+        assert "give --mixed" in error
+        assert bench("report", str(tmp_path), "--mixed")[0] == 0
+
     def test_a_report_is_of_one_thing(self, task, smoke, bench, tmp_path):
         for options in ((), (str(tmp_path), "--reference")):
             code, _, error = bench("report", *options)
