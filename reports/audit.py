@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, success_table
+from reports.exhibit import Exhibit, panels, success_table
 from reports.results import Results
 from reports.table_11 import SETS
 
@@ -26,4 +26,5 @@ EXHIBIT = Exhibit(
         " authors' code does."
     ),
     table=table,
+    figure=panels,
 )

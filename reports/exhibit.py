@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reports.paper import published
 from reports.results import Results, rates
-from reports.style import MARKS, PUBLISHED, TASKS, colour, display, ordered
+from reports.style import PUBLISHED, TASKS, colour, display, hatch, ordered
 
 FROM_PAPER = ["published", "published spread", "note"]
 
@@ -102,12 +103,41 @@ def with_published(table: pd.DataFrame, name: str) -> pd.DataFrame:
 
 def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars with intervals, grouped by column, one colour a row, the paper's as diamonds."""
-    rows, columns = (table[name].drop_duplicates().tolist() for name in ("row", "column"))
-    width = min(0.8 / len(rows), 0.3)
-    drawing = Figure(
-        figsize=(max(0.9 + 0.28 * len(rows) * len(columns), 1.2 * len(columns), 3), 3.2)
-    )
+    rows, columns = (table[name].nunique() for name in ("row", "column"))
+    drawing = Figure(figsize=(max(0.9 + 0.28 * rows * columns, 1.2 * columns, 3), 3.2))
     axes = drawing.subplots()
+    _add_bars(axes, table, exhibit)
+    axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
+    return drawing
+
+
+def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns bars as `bars` does, a panel for each kind of row "method kind".
+
+    A row without a kind, as the expert's, stands in each.
+    """
+    names = table.row.str.split(" ", n=1, expand=True).reindex(columns=[0, 1])
+    kinds = names[1].dropna().unique()
+    rows, columns = names[0].nunique(), table.column.nunique()
+    drawing = Figure(
+        figsize=(max(0.9 + 0.22 * rows * columns, 6), 2.2 * len(kinds)), layout="constrained"
+    )
+    every = drawing.subplots(len(kinds), squeeze=False, sharex=True, sharey=True)[:, 0]
+    for axes, kind in zip(every, kinds, strict=True):
+        here = names[1].isna() | (names[1] == kind)
+        part = table[here].assign(row=names[0][here])
+        _add_bars(axes, part, exhibit, table.column.drop_duplicates().tolist())
+        axes.set_title(display(kind), fontsize=10, loc="left")
+    every[0].legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
+    return drawing
+
+
+def _add_bars(
+    axes: Axes, table: pd.DataFrame, exhibit: Exhibit, columns: Sequence[str] | None = None
+) -> None:
+    rows = table.row.drop_duplicates().tolist()
+    columns = table.column.drop_duplicates().tolist() if columns is None else columns
+    width = min(0.8 / len(rows), 0.3)
     for i, row in enumerate(rows):
         part = table[table.row == row].set_index("column").reindex(columns)
         x = np.arange(len(columns)) + (i - (len(rows) - 1) / 2) * width
@@ -122,7 +152,7 @@ def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
             capsize=2,
             label=display(row),
             color=colour(row, i),
-            hatch=MARKS[i % len(MARKS)],
+            hatch=hatch(row, i),
             edgecolor="white",
             error_kw={"lw": 0.9},
         )
@@ -134,8 +164,6 @@ def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     if exhibit.unit == "%":
         axes.set_ylim(0, 105)
     axes.grid(axis="x", visible=False)
-    axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
-    return drawing
 
 
 def _range(values: pd.Series) -> str:

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, success_table, with_published
+from reports.exhibit import Exhibit, panels, success_table, with_published
 from reports.results import Results
 from reports.style import METHODS, display, ordered
 
@@ -37,4 +37,5 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
             " with one tuned on the expert's rollouts there."
         ),
         table=table,
+        figure=panels,
     )

@@ -34,9 +34,17 @@ def display(name: str) -> str:
 
 def colour(row: str, place: int) -> str:
     """Returns the colour of a method, everywhere the same; of other rows, by their place."""
+    return _COLOURS[_index(row, place) % len(_COLOURS)]
+
+
+def hatch(row: str, place: int) -> str:
+    """Returns the hatch of a method's bars, likewise."""
+    return MARKS[_index(row, place) % len(MARKS)]
+
+
+def _index(row: str, place: int) -> int:
     method = row.split()[0]
-    index = METHODS.index(method) if method in METHODS else place + 1
-    return _COLOURS[index % len(_COLOURS)]
+    return METHODS.index(method) if method in METHODS else place + 1
 
 
 def ordered(names: Any, order: Sequence[str]) -> list[str]:
