@@ -5,12 +5,12 @@ import pytest
 
 from methods.kodex import Kodex, KodexConfig
 from methods.lifting import get_observables, lift
-from tasks.data import Demos, Layout, Starts, generator
+from tasks.data import Demos, FloatArray, Layout, Starts, generator
 
 # Dimensions of the tool task, whose lifted state is the largest (763).
 LAYOUT = Layout(robot_dim=26, object_dim=15, action_dim=26)
 HORIZON = 100
-LOOP_DEMOS = 2
+LOOP_DEMOS, LOOP_STARTS = 2, 20
 
 
 @pytest.fixture
@@ -46,4 +46,30 @@ def test_fit(compare, demos, name):
         peer=loop_over_samples(demos),
         target=5.0,
         work=(len(demos), LOOP_DEMOS),
+    )
+
+
+def loop_over_starts(kodex: Kodex, starts: FloatArray):
+    """Takes the lifted state of each start through K, one step after another."""
+
+    def run() -> None:
+        for start in starts:
+            z = lift(start, 26, get_observables(3))
+            for _ in range(HORIZON - 1):
+                z = kodex.koopman @ z
+
+    return run
+
+
+@pytest.mark.parametrize("name", ["kodex_rollout"])
+def test_rollout(compare, demos, name):
+    kodex = Kodex(KodexConfig(), LAYOUT)
+    kodex.load({"koopman": np.linalg.qr(generator(name).standard_normal((763, 763)))[0]})
+    starts = generator(name, "starts").standard_normal((10_000, 41))
+    compare(
+        name,
+        ours=lambda: kodex.rollout(starts, HORIZON - 1),
+        peer=loop_over_starts(kodex, starts[:LOOP_STARTS]),
+        target=5.0,
+        work=(len(starts), LOOP_STARTS),
     )
