@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help bench demo test check install install-dev benchmark reliability clean
+.PHONY: help bench demo test check docs install install-dev benchmark reliability clean
 
 help: ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -24,6 +24,10 @@ check: install-dev ## Lint, types and import rules
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: install-dev ## Write the API pages to build/api, from the docstrings
+	MUJOCO_GL=disable PDOC_ALLOW_EXEC=1 $(BIN)/pdoc -d google -o build/api bench methods reports tasks \
+		$(subst /,.,$(basename $(filter-out %/__init__.py,$(wildcard bench/*.py))))
 
 benchmark: install-dev ## Measure speed against peers, a few minutes
 	$(BIN)/pytest benchmarks --benchmark-columns=median,iqr,rounds

@@ -1,0 +1,67 @@
+"""What the documents say exists: links, commands with their options, messages, API pages."""
+
+import os
+import re
+import subprocess
+import sys
+from itertools import takewhile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+SOURCE = re.sub(
+    r'"\s*f?"',
+    "",
+    "".join(
+        path.read_text()
+        for folder in ("bench", "methods", "reports", "tasks")
+        for path in (ROOT / folder).glob("*.py")
+    ),
+)
+"""With strings that go on in the next line put together."""
+
+
+def commands():
+    """Returns every `bench` command in a shell block of any page, as its words."""
+    found = set()
+    for page in PAGES:
+        for block in re.findall(r"```sh\n(.*?)```", page.read_text(), flags=re.DOTALL):
+            for line in block.replace("\\\n", " ").splitlines():
+                words = line.split("#")[0].removeprefix(".venv/bin/").split()
+                if words[:1] == ["bench"]:
+                    found.add(tuple(words[1:]))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    prose = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+    links = re.findall(r"\]\((?!http)([^)#]+)[^)]*\)", prose)
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_commands_and_their_options_exist(bench, words):
+    names = list(takewhile(lambda word: re.fullmatch("[a-z-]+", word), words))
+    path = names[: 2 if names[0] in ("expert", "demos") else 1]
+    code, said, error = bench(*path, "--help")
+    assert (code, error) == (0, "")
+    options = [word.split("=")[0] for word in words if word.startswith("--")]
+    assert [option for option in options if option not in said] == []
+
+
+def test_messages_that_one_may_look_up_are_in_the_code():
+    rows = re.findall(r"^\| `(.*?)` \|", (ROOT / "docs/troubleshooting.md").read_text(), re.M)
+    parts = [part.strip() for row in rows for part in row.split("...") if part.strip()]
+    assert len(parts) > 8
+    assert [part for part in parts if part not in SOURCE] == []
+
+
+def test_the_docstrings_make_pages(tmp_path):
+    environment = os.environ | {"MUJOCO_GL": "disable", "PDOC_ALLOW_EXEC": "1"}
+    modules = ["bench.store", "methods.dmp", "reports.table_9", "tasks.door"]
+    command = [sys.executable, "-m", "pdoc", "-d", "google", "-o", str(tmp_path), *modules]
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    assert "A DMP layer" in (tmp_path / "methods/dmp.html").read_text()
