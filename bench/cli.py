@@ -37,14 +37,13 @@ for point in sorted(entry_points(group="bench.commands"), key=lambda point: poin
 @app.command("list")
 def list_names(as_json: AsJson = False) -> None:
     """List the tasks, methods, experiments and presets there are."""
-    from bench.experiments import EXPERIMENTS
     from bench.presets import PRESETS
     from methods.registry import method_names
 
     names = {
         "tasks": list(TASKS),
         "methods": method_names(),
-        "experiments": list(EXPERIMENTS),
+        "experiments": list(PRESETS["paper"].episodes),
         "presets": list(PRESETS),
     }
     if as_json:
