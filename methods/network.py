@@ -61,6 +61,14 @@ class NetworkMethod(MotionMethod):
         """How many states a network predicts in training; the whole motion unless overridden."""
         return horizon - 1
 
+    def samples(self, states: FloatArray) -> list[FloatArray]:
+        """Returns what the loss of training takes, from motions (N, T, D): first axis samples."""
+        return [windows(states, self.window(states.shape[1]))]
+
+    def loss(self, weights: Weights, *sample: Tensor) -> Tensor:
+        """Returns the loss of training of each network on some samples, (S,)."""
+        return self.error(weights, *sample)
+
     def error(self, weights: Weights, motion: Tensor) -> Tensor:
         """Returns the mean squared error of each network on motions (S, B, T, D), (S,)."""
         truth = motion if self.config.teacher_forced else None
@@ -87,8 +95,8 @@ class NetworkMethod(MotionMethod):
         unseen = torch.from_numpy(((validation.states - mean) / scale).astype(np.float32))
         trained = minimise(
             draw=one.draw,
-            loss=one.error,
-            data=[windows((demos.states - mean) / scale, one.window(demos.states.shape[1]))],
+            loss=one.loss,
+            data=one.samples((demos.states - mean) / scale),
             schedule=config,
             name=cls.name,
             seeds=seeds,

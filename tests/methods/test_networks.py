@@ -232,6 +232,21 @@ def test_the_fabric_alone_does_no_work_and_bends_quadratically_in_velocity(fabri
     torch.testing.assert_close(acceleration(alone, context, q, 3 * v), 9 * force)
 
 
+@pytest.mark.parametrize("window", [3, 14])
+def test_stretches_of_the_fabrics_own_motion_have_no_loss(start, window):
+    method = NGF(replace(NGF.sizes["small"], window=window), LAYOUT)
+    weights = {k: v.double() for k, v in weights_of(method).items()}
+    start = start.double()
+    joints = torch.cat([start[:, :, None, :3], method.unroll(weights, start, 14)], dim=2)
+    states = torch.cat([joints, start[:, :, None, 3:].expand(-1, -1, 15, -1)], dim=-1)[0].numpy()
+    contexts, stretches = method.samples(states)
+    assert len(contexts) == len(stretches) == len(states) * (15 - window)
+    samples = [torch.tensor(part)[None] for part in (contexts, stretches)]
+    assert method.loss(weights, *samples) < 1e-20
+    samples[1][0, 0, 1] += 0.1
+    assert method.loss(weights, *samples) > 1e-6
+
+
 def test_the_potential_force_is_the_gradient_of_its_potential(fabric):
     weights, context, q, _ = fabric
     q.requires_grad_()
