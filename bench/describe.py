@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
-from tasks.physics import CHANGES, NOMINAL
+from tasks.physics import CHANGES, NOMINAL, READINGS
 from tasks.registry import get_task
 
 
@@ -15,6 +15,7 @@ def describe(name: str) -> dict[str, Any]:
         InputError: there is no task of that name.
     """
     task = get_task(name)
+    changes = CHANGES[task.name] | READINGS[task.name]
     return {
         "name": task.name,
         "summary": task.summary,
@@ -28,7 +29,7 @@ def describe(name: str) -> dict[str, Any]:
         "splits": {split: [_limits(task, box) for box in task.ranges(split)] for split in SPLITS},
         "reading": asdict(task.reading),
         "success": task.rule,
-        "physics": {NOMINAL: None} | {name: asdict(c) for name, c in CHANGES[task.name].items()},
+        "physics": {NOMINAL: None} | {name: asdict(c) for name, c in changes.items()},
         "model_file": task.model_file,
         "model_hash": task.model_hash,
     }

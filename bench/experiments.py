@@ -22,7 +22,7 @@ from methods.base import ActionMethod, Method
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.errors import InputError, unknown_name
-from tasks.physics import NOMINAL, PHYSICS
+from tasks.physics import NOMINAL, PHYSICS, READINGS
 
 Recipes = Mapping[str, str]
 """By task, the key of what its demonstrations are made from."""
@@ -100,7 +100,10 @@ def efficiency(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
 
 
 def audit(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
-    """Success of every variant of every method: as described, as published, and others."""
+    """Success of every variant of every method, and of each method in other readings of masses.
+
+    Variants are as described, as published, and others.
+    """
     fits = [
         fit
         for task, name in product(study.tasks, study.methods)
@@ -113,7 +116,12 @@ def audit(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
             _audited(study, get_method(name)),
         )
     ]
-    return [_cell(study, fit, "test", study.episodes["audit"]) for fit in fits]
+    episodes = study.episodes["audit"]
+    return [_cell(study, fit, "test", episodes) for fit in fits] + [
+        _cell(study, fit, "test", min(episodes, study.episodes.get(ROBUSTNESS, episodes)), physics)
+        for fit in _chosen_fits(study, recipes, chosen)
+        for physics in READINGS[fit.task]
+    ]
 
 
 EXPERIMENTS: dict[str, Callable[[Study, Recipes, Sizes], list[Cell]]] = {

@@ -15,7 +15,7 @@ from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
 from tasks.errors import unknown_name
-from tasks.physics import NOMINAL, PHYSICS
+from tasks.physics import NOMINAL, physics_names
 from tasks.registry import get_task
 from tasks.simulator import CHUNK
 
@@ -89,8 +89,9 @@ class Evaluation:
     def __post_init__(self) -> None:
         if self.split not in EVALUATION_SPLITS:
             raise unknown_name("split", self.split, EVALUATION_SPLITS)
-        if self.physics not in PHYSICS:
-            raise unknown_name("physics", self.physics, PHYSICS)
+        known = physics_names(self.task)
+        if self.physics not in known:
+            raise unknown_name("physics", self.physics, known)
 
     @property
     def name(self) -> str:

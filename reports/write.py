@@ -22,6 +22,7 @@ MODULES = (
     "table_12",
     "efficiency",
     "audit",
+    "audit_masses",
 )
 """One file each, in the order of the page."""
 

@@ -1,6 +1,6 @@
 """Named changes of mass (appendix I), written into single simulations of a batch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import mujoco
@@ -27,6 +27,8 @@ class Change:
     """``mass`` of a body, whose explicit inertia stays as it is, or ``density`` of a geom."""
     value: float
     unit: str
+    scale_inertia: bool = False
+    """Whether the inertia of a body grows with its mass, as that of more of the same stuff."""
 
 
 def _mass(value: float, *bodies: str) -> Change:
@@ -68,6 +70,31 @@ CHANGES = {
 }
 
 
+def _readings(changes: dict[str, Change]) -> dict[str, Change]:
+    """Other readings of the same words.
+
+    The body that is named palm, by the same factor, in place of the one that weighs 4.0 kg; and
+    each body's inertia grown with its mass.
+    """
+    found = {}
+    for name, change in changes.items():
+        if change.names == ("forearm",):
+            palm = _mass(round(0.3 * change.value / 4.0, 6), "palm")
+            found[name.replace("hand", "palm")] = palm
+        if change.attribute == "mass":
+            found[f"{name}_inertia"] = replace(change, scale_inertia=True)
+    return found
+
+
+READINGS = {task: _readings(changes) for task, changes in CHANGES.items()}
+"""By task; the experiment `audit` shows what hangs on the reading."""
+
+
+def physics_names(task: str) -> tuple[str, ...]:
+    """Returns the names of all that `apply_physics` knows of a task."""
+    return (NOMINAL, *CHANGES[task], *READINGS[task])
+
+
 def apply_physics(task: Task, physics: str, batch: Batch) -> None:
     """Writes a variation into every simulation of a batch on the task's nominal model.
 
@@ -88,17 +115,20 @@ def changed_fields(task: Task, physics: str) -> dict[str, FloatArray]:
     Raises:
         InputError: there is no such variation.
     """
-    if physics not in PHYSICS:
-        raise unknown_name("physics variation", physics, PHYSICS)
-    return {} if physics == NOMINAL else _changed_fields(task, CHANGES[task.name][physics])
+    if physics not in physics_names(task.name):
+        raise unknown_name("physics variation", physics, physics_names(task.name))
+    changes = CHANGES[task.name] | READINGS[task.name]
+    return {} if physics == NOMINAL else _changed_fields(task, changes[physics])
 
 
 @cache
 def _changed_fields(task: Task, change: Change) -> dict[str, FloatArray]:
     spec = task.specification()
-    find = getattr(spec, change.element)
     for name in change.names:
-        setattr(find(name), change.attribute, change.value)
+        element = getattr(spec, change.element)(name)
+        if change.scale_inertia:
+            element.inertia = element.inertia * (change.value / element.mass)
+        setattr(element, change.attribute, change.value)
     changed: mujoco.MjModel = spec.compile()
     fields = sorted(field for field in MODEL_FIELDS if not field.startswith("opt."))
     pairs = {field: (getattr(task.model, field), getattr(changed, field)) for field in fields}

@@ -4,7 +4,7 @@ import pytest
 from mujoco.batch import MODEL_FIELDS
 
 from tasks.errors import InputError
-from tasks.physics import CHANGES, PHYSICS, changed_fields
+from tasks.physics import CHANGES, PHYSICS, READINGS, changed_fields, physics_names
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator, rollout
 
@@ -99,10 +99,35 @@ def test_the_pen_weighs_what_its_density_gives(physics, density):
     np.testing.assert_allclose(nominal, 0.182, atol=5e-4)
 
 
+@pytest.mark.parametrize("task", ["tool", "door", "relocation"], indirect=True)
+@pytest.mark.parametrize("weight", ["light", "heavy"])
+def test_the_palm_weighs_as_much_more_as_the_forearm_does(task, weight):
+    nominal = task.model.body_mass
+    hand, other = (changed_fields(task, f"{weight}_{n}")["body_mass"] for n in ("hand", "palm"))
+    forearm, palm = (task.model.body(name).id for name in ("forearm", "palm"))
+    assert other[palm] / nominal[palm] == pytest.approx(hand[forearm] / nominal[forearm], rel=1e-5)
+    np.testing.assert_array_equal(np.delete(other, palm), np.delete(nominal, palm))
+
+
+@pytest.mark.parametrize(
+    ("name", "physics"),
+    [(task, name) for task in TASKS for name in READINGS[task] if name.endswith("_inertia")],
+)
+def test_inertia_grows_with_mass(name, physics):
+    task, change = get_task(name), READINGS[name][physics]
+    fields, alone = (changed_fields(task, p) for p in (physics, physics.removesuffix("_inertia")))
+    np.testing.assert_array_equal(fields["body_mass"], alone["body_mass"])
+    for body in change.names:
+        row = task.model.body(body).id
+        grown = task.model.body_inertia[row] * change.value / task.model.body_mass[row]
+        np.testing.assert_allclose(fields["body_inertia"][row], grown)
+    assert "body_inertia" not in alone
+
+
 def test_the_nominal_model_is_left_as_it_is(task):
     before = model_bytes(task.model)
     starts = task.sample("test", 3)
-    for physics in PHYSICS:
+    for physics in physics_names(task.name):
         simulator = Simulator(task, starts, physics)
         simulator.step(np.zeros((3, task.layout.action_dim)))
     assert model_bytes(task.model) == before
