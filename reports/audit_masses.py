@@ -39,7 +39,7 @@ def _order(row: str) -> tuple[int, int]:
 
 EXHIBIT = Exhibit(
     name="audit_masses",
-    title="Audit: other readings of the changed masses",
+    title="Audit of masses: other readings of appendix I",
     about=(
         "Success [%] on unseen starts with the original controller, in changed physics as this"
         " suite reads appendix I, with the body named palm in place of the forearm (palm), and"

@@ -2,6 +2,8 @@
 
 import shutil
 
+import imageio_ffmpeg
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -57,7 +59,7 @@ def page(folder, names=()):
     absent = Exhibit("absent", "Absent: another", "About.", lambda results: table)
     path = folder / "index.html"
     claim = dict.fromkeys(("says", "source", "paper", "ours", "evidence"), " ".join(names))
-    page = render(Few(), {"shown": table}, [shown, absent], pd.DataFrame([claim]), folder)
+    page = render(Few(), {"shown": table}, [shown, absent], pd.DataFrame([claim]), folder, folder)
     path.write_text(page)
     return path
 
@@ -99,6 +101,19 @@ def test_it_asks_for_nothing_but_itself_and_complains_of_nothing(opened):
     view = opened()
     assert len(view.asked) == 1
     assert view.said == []
+
+
+def test_a_film_can_be_played(opened, tmp_path):
+    writer = imageio_ffmpeg.write_frames(str(tmp_path / "door-success.mp4"), (32, 32), fps=5)
+    writer.send(None)
+    for shade in (0, 120, 240):
+        writer.send(np.full((32, 32, 3), shade, np.uint8))
+    writer.close()
+    view = opened()
+    assert view.locator("#films figcaption").inner_text() == "Door: success"
+    view.wait_for_function("document.querySelector('video').readyState > 0")
+    assert view.said == []
+    assert [url for url in view.asked if not url.startswith("data:")] == view.asked[:1]
 
 
 def test_tables_sort_by_number_and_by_name(opened):
