@@ -350,11 +350,15 @@ def _validation(task: str) -> Demos:
 
 def _controller_demos(spec: ControllerSpec) -> Demos:
     """What a controller learns from: the demonstrations, or rollouts of the expert elsewhere."""
-    if spec.physics == NOMINAL:
-        return _training(spec.task, spec.demos)
     task = get_task(spec.task)
     starts = task.sample("demo", spec.demos)
-    return record(task, starts, load_expert(task).policy, spec.physics, failures=True)[1]
+    if spec.physics == NOMINAL:
+        demos = _training(spec.task, spec.demos)
+        if not spec.raw:
+            return demos
+        starts = demos.starts
+    expert = load_expert(task).policy
+    return record(task, starts, expert, spec.physics, failures=spec.failures, raw=spec.raw)[1]
 
 
 def _starts(evaluation: Evaluation, episodes: int) -> Starts:

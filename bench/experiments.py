@@ -22,7 +22,7 @@ from methods.base import ActionMethod, Method
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.errors import InputError, unknown_name
-from tasks.physics import NOMINAL, PHYSICS, READINGS
+from tasks.physics import NOMINAL, PHYSICS, READINGS, VARIATIONS
 
 Recipes = Mapping[str, str]
 """By task, the key of what its demonstrations are made from."""
@@ -100,9 +100,10 @@ def efficiency(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
 
 
 def audit(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
-    """Success of every variant of every method, and of each method in other readings of masses.
+    """Success of every variant of every method, and of each method in other readings of the paper.
 
-    Variants are as described, as published, and others.
+    Variants are as described, as published, and others. Read otherwise are the masses of appendix
+    I, and what the controllers learn from.
     """
     fits = [
         fit
@@ -117,11 +118,17 @@ def audit(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
         )
     ]
     episodes = study.episodes["audit"]
-    return [_cell(study, fit, "test", episodes) for fit in fits] + [
-        _cell(study, fit, "test", min(episodes, study.episodes.get(ROBUSTNESS, episodes)), physics)
-        for fit in _chosen_fits(study, recipes, chosen)
-        for physics in READINGS[fit.task]
-    ]
+    few = min(episodes, study.episodes.get(ROBUSTNESS, episodes))
+    cells = [_cell(study, fit, "test", episodes) for fit in fits]
+    for fit in _chosen_fits(study, recipes, chosen):
+        cells += [_cell(study, fit, "test", few, physics) for physics in READINGS[fit.task]]
+        if not _acts(fit):
+            cells.append(_cell(study, fit, "test", episodes, raw=True))
+            cells += [
+                _cell(study, fit, "test", few, physics, tuned=True, failures=False)
+                for physics in VARIATIONS
+            ]
+    return cells
 
 
 EXPERIMENTS: dict[str, Callable[[Study, Recipes, Sizes], list[Cell]]] = {
@@ -311,11 +318,20 @@ def _acts(fit: Fit) -> bool:
 
 
 def _cell(
-    study: Study, fit: Fit, split: str, episodes: int, physics: str = NOMINAL, tuned: bool = False
+    study: Study,
+    fit: Fit,
+    split: str,
+    episodes: int,
+    physics: str = NOMINAL,
+    tuned: bool = False,
+    failures: bool = True,
+    raw: bool = False,
 ) -> Cell:
     if _acts(fit):
         return Cell(fit, Evaluation(fit.task, split, physics, NO_CONTROLLER), episodes)
     learnt = physics if tuned else NOMINAL
-    controller = ControllerSpec(fit.task, study.controller, study.demos, fit.recipe, learnt)
+    controller = ControllerSpec(
+        fit.task, study.controller, study.demos, fit.recipe, learnt, failures, raw
+    )
     evaluation = Evaluation(fit.task, split, physics, controller.name, controller.key)
     return Cell(fit, evaluation, episodes, controller)

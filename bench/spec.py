@@ -25,6 +25,8 @@ VALIDATION = "validation"
 """The starts of the validation demonstrations, as a split."""
 EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
 ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
+UNCLIPPED, ON_SUCCESSES = "unclipped", "tuned-on-successes"
+"""What the controllers are called that `audit` tries in place of the original and the tuned one."""
 
 
 @dataclass(frozen=True)
@@ -115,18 +117,24 @@ class ControllerSpec:
     recipe: str
     physics: str = NOMINAL
     """Where its demonstrations are from; where it is not nominal, the controller is expert-tuned:
-    it learns from the expert's first rollouts there, failures kept (appendix I)."""
+    it learns from the expert's first rollouts there (appendix I)."""
+    failures: bool = True
+    """Whether those rollouts are kept that fail."""
+    raw: bool = False
+    """Whether it learns the expert's actions as they were given, instead of clipped to [-1, 1]."""
 
     @cached_property
     def key(self) -> str:
         """Names the controller."""
-        learnt = (self.demos, self.recipe, self.physics)
+        learnt = (self.demos, self.recipe, self.physics, self.failures, self.raw)
         return key("controller", self.task, self.config.resolved(), learnt)
 
     @property
     def name(self) -> str:
         """What its evaluations call it."""
-        return ORIGINAL if self.physics == NOMINAL else TUNED
+        if self.physics == NOMINAL:
+            return UNCLIPPED if self.raw else ORIGINAL
+        return TUNED if self.failures else ON_SUCCESSES
 
     @property
     def label(self) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from bench.spec import ON_SUCCESSES, UNCLIPPED
 from bench.store import Source, Store
 from methods.base import Parameters
 from reports.reference import Beside, Packed, is_packed
@@ -99,12 +100,18 @@ class Results:
         return np.stack([one[: min(map(len, outcomes))] for one in outcomes])
 
     def select(self, **values: object) -> pd.DataFrame:
-        """Returns the evaluations with these values; nominal physics and variants unless told."""
+        """Returns the evaluations with these values.
+
+        Unless told: of nominal physics, of the methods as described, and not with the controllers
+        that `audit` alone tries.
+        """
         wanted = {"variant": "described", "physics": "nominal"} | values
         frame = self.frame
         if frame.empty:
             return pd.DataFrame(columns=["task", "method", "size", "demos", *wanted])
         keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
+        if "controller" not in values:
+            keep &= ~frame.controller.isin([UNCLIPPED, ON_SUCCESSES])
         return frame[keep]
 
     def main(self, **values: object) -> pd.DataFrame:

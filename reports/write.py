@@ -22,7 +22,7 @@ MODULES = (
     "table_12",
     "efficiency",
     "audit",
-    "audit_masses",
+    "audit_appendix_i",
 )
 """One file each, in the order of the page."""
 

@@ -27,8 +27,8 @@ _BLOCK = 300
 class Recorder:
     """A policy that acts as another does, and keeps what it saw and did."""
 
-    def __init__(self, policy: Policy) -> None:
-        self.policy = policy
+    def __init__(self, policy: Policy, raw: bool) -> None:
+        self.policy, self.raw = policy, raw
 
     def reset(self, simulator: Simulator) -> None:
         """Begins anew."""
@@ -42,7 +42,7 @@ class Recorder:
         """Returns the other policy's actions (B, A)."""
         actions = self.policy.act(simulator, step)
         self._see()
-        self._actions.append(np.clip(actions, -1.0, 1.0))
+        self._actions.append(actions if self.raw else np.clip(actions, -1.0, 1.0))
         return actions
 
     def _see(self) -> None:
@@ -65,14 +65,16 @@ def record(
     physics: str = NOMINAL,
     threads: int = 0,
     failures: bool = False,
+    raw: bool = False,
 ) -> tuple[BoolArray, Demos]:
     """Returns from which starts (B,) a policy succeeded, and what it did there.
 
-    With failures, what it did in vain is recorded too, but for episodes that diverged.
+    With failures, what it did in vain is recorded too, but for episodes that diverged. Actions are
+    clipped to [-1, 1], as they act, or raw, as the policy gave them.
     """
     success, found = [], []
     for first in range(0, len(starts), CHUNK):
-        recorder = Recorder(policy)
+        recorder = Recorder(policy, raw)
         part = starts[first : first + CHUNK]
         episodes = rollout(task, part, recorder, physics, threads=threads, whole=True)
         success.append(episodes.success)

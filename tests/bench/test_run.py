@@ -17,6 +17,7 @@ from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
 from tasks.errors import InputError
+from tasks.physics import READINGS, VARIATIONS
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -205,6 +206,24 @@ class TestInProcess:
         assert "9.9" in error
         assert "give --mixed" in error
         assert bench("report", str(tmp_path), "--mixed")[0] == 0
+
+    def test_an_audit_tries_other_masses_and_other_controllers(self, task, smoke, bench, tmp_path):
+        study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
+        assert not run(study, tmp_path, Workers(1)).failed
+        frame = Store(tmp_path).frame()
+        kodex = frame[(frame.method == "kodex") & (frame.variant == "described")]
+        assert set(kodex[kodex.controller == "original"].physics) == {
+            "nominal",
+            *READINGS["door"],
+        }
+        assert kodex[kodex.controller == "unclipped"].physics.tolist() == ["nominal"]
+        assert set(kodex[kodex.controller == "tuned-on-successes"].physics) == set(VARIATIONS)
+        keys = frame[frame.controller != "none"].groupby("controller").controller_key.nunique()
+        assert dict(keys) == {"original": 1, "unclipped": 1, "tuned-on-successes": 4}
+        assert bench("report", str(tmp_path))[0] == 0
+        tables = tmp_path / "report/tables"
+        assert "kodex unclipped,door" in (tables / "audit.csv").read_text()
+        assert "door heavy_palm,kodex" in (tables / "audit_appendix_i.csv").read_text()
 
     def test_a_report_is_of_one_thing(self, task, smoke, bench, tmp_path):
         for options in ((), (str(tmp_path), "--reference")):

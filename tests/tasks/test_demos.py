@@ -53,6 +53,14 @@ def test_demonstrations_are_the_first_successes_of_the_expert(task, shipped):
     assert np.abs(made.actions).max() <= 1
 
 
+def test_raw_actions_are_the_clipped_ones_before_clipping(task, shipped):
+    starts, expert = task.sample("demo", 5), experts.load_expert(task).policy
+    (_, clipped), (_, raw) = (demos.record(task, starts, expert, raw=raw) for raw in (False, True))
+    np.testing.assert_array_equal(np.clip(raw.actions, -1, 1), clipped.actions)
+    np.testing.assert_array_equal(raw.states, clipped.states)
+    assert np.abs(raw.actions).max() > 1
+
+
 def test_recorded_actions_played_back_give_the_recorded_states(task, shipped):
     made = demos.load_demos(task)
     simulator = Simulator(task, made.starts)
