@@ -27,7 +27,7 @@ _BLOCK = 300
 class Recorder:
     """A policy that acts as another does, and keeps what it saw and did."""
 
-    def __init__(self, policy: Policy, raw: bool) -> None:
+    def __init__(self, policy: Policy, raw: bool = False) -> None:
         self.policy, self.raw = policy, raw
 
     def reset(self, simulator: Simulator) -> None:
