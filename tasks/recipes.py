@@ -200,23 +200,23 @@ def reorientation_reward(batch: Batch) -> FloatArray:
 RECIPES = {
     "tool": Recipe(
         tool_reward,
-        # six and three times what relocation pays: what is paid for reaching and lifting, step by
-        # step, makes it lunge for the hammer, and there is time to take it slowly
-        hand_speed=0.3,
-        action_rate=3.0,
+        # what is paid for reaching and lifting, step by step, makes it lunge for the hammer, and a
+        # price six times relocation's did not stop it
+        hand_speed=1.0,
+        action_rate=5.0,
         offset=0.1,
-        steps=7_500_000,
+        steps=10_000_000,
         learning_rate=5e-4,
-        calm=(0.5, 0.75),  # lifting the hammer takes long to find, and calm would put an end to it
+        calm=(0.5, 0.7),  # lifting the hammer takes long to find, and calm would put an end to it
     ),
     "door": Recipe(
         door_reward,
-        # four and two times what the other tasks pay: there is time to open it slowly
+        # four and two times what relocation pays: there is time to open it slowly
         hand_speed=0.2,
         action_rate=2.0,
         offset=0.1,  # fingers that barely hook the handle miss it when they are tracked
-        steps=5_500_000,
-        calm=(0.6, 0.9),  # asked for before it opens the door, they make it give up
+        steps=8_000_000,
+        calm=(0.4, 0.6),  # asked for before it opens the door, they make it give up
     ),
     "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
     "reorientation": Recipe(
