@@ -15,6 +15,9 @@ from tasks.data import Demos, FloatArray
 
 VERSION = 1
 """Raise it when actions change."""
+ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
+UNCLIPPED, ON_SUCCESSES = "unclipped", "tuned-on-successes"
+"""What the controllers are called that `audit` tries in place of the original and the tuned one."""
 
 _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
-from tasks.physics import CHANGES, NOMINAL, READINGS
+from tasks.masses import CHANGES, NOMINAL, READINGS
 from tasks.registry import get_task
 
 

@@ -32,7 +32,7 @@ from tasks.data import Demos, Episodes, Starts
 from tasks.demos import TRAINING, demos_key, load_demos, record
 from tasks.errors import InputError
 from tasks.experts import load_expert
-from tasks.physics import NOMINAL
+from tasks.masses import NOMINAL
 from tasks.registry import get_task
 from tasks.simulator import CHUNK, Policy, rollout
 

@@ -8,21 +8,14 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import pandas as pd
 
+from bench.controller import NO_CONTROLLER
 from bench.presets import SMALLEST, Study
-from bench.spec import (
-    EXPERT,
-    NO_CONTROLLER,
-    VALIDATION,
-    Cell,
-    ControllerSpec,
-    Evaluation,
-    Fit,
-)
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod, Method
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.errors import InputError, unknown_name
-from tasks.physics import NOMINAL, PHYSICS, READINGS, VARIATIONS
+from tasks.masses import NOMINAL, PHYSICS, READINGS, VARIATIONS
 
 Recipes = Mapping[str, str]
 """By task, the key of what its demonstrations are made from."""

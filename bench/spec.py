@@ -9,13 +9,13 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
-from bench.controller import ControllerConfig
+from bench.controller import ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED, ControllerConfig
 from methods.base import Method
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
 from tasks.errors import unknown_name
-from tasks.physics import NOMINAL, physics_names
+from tasks.masses import NOMINAL, physics_names
 from tasks.registry import get_task
 from tasks.simulator import CHUNK
 
@@ -24,9 +24,6 @@ EXPERT = "expert"
 VALIDATION = "validation"
 """The starts of the validation demonstrations, as a split."""
 EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
-ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
-UNCLIPPED, ON_SUCCESSES = "unclipped", "tuned-on-successes"
-"""What the controllers are called that `audit` tries in place of the original and the tuned one."""
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 from bench.backend import Workers
-from bench.controller import ControllerConfig
+from bench.controller import NO_CONTROLLER, ControllerConfig
 from bench.driver import run_cells
-from bench.spec import NO_CONTROLLER, Cell, ControllerSpec, Evaluation, Fit
+from bench.spec import Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
 from tasks.data import generator
 from tasks.demos import demos_key

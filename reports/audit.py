@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bench.spec import UNCLIPPED
+from bench.controller import UNCLIPPED
 from reports.exhibit import Exhibit, panels, success_table
 from reports.results import Results
 from reports.table_11 import SETS

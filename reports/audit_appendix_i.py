@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from bench.spec import ON_SUCCESSES, TUNED
+from bench.controller import ON_SUCCESSES, TUNED
 from reports.exhibit import Exhibit, success_table
 from reports.results import Results
 from reports.style import METHODS, TASKS, ordered
-from tasks.physics import CHANGES, READINGS
+from tasks.masses import CHANGES, READINGS
 
 
 def table(results: Results) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.spec import ON_SUCCESSES, UNCLIPPED
+from bench.controller import ON_SUCCESSES, UNCLIPPED
 from bench.store import Source, Store
 from methods.base import Parameters
 from reports.reference import Beside, Packed, is_packed

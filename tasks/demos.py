@@ -13,7 +13,7 @@ from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, key
 from tasks.errors import InputError
 from tasks.experts import load_expert
-from tasks.physics import NOMINAL
+from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
 TRAINING = 200

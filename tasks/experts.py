@@ -12,7 +12,7 @@ from safetensors.numpy import load
 from tasks.base import Task
 from tasks.data import FloatArray
 from tasks.errors import InputError
-from tasks.physics import NOMINAL
+from tasks.masses import NOMINAL
 from tasks.simulator import Simulator, rollout
 
 SHIPPED = Path(__file__).with_name("experts")

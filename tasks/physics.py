@@ -1,6 +1,5 @@
 """Named changes of mass (appendix I), written into single simulations of a batch."""
 
-from dataclasses import dataclass, replace
 from functools import cache
 
 import mujoco
@@ -10,89 +9,7 @@ from mujoco.batch import MODEL_FIELDS, Batch
 from tasks.base import Task
 from tasks.data import FloatArray
 from tasks.errors import unknown_name
-
-NOMINAL = "nominal"
-VARIATIONS = ("heavy_object", "light_object", "light_hand", "heavy_hand")
-PHYSICS = (NOMINAL, *VARIATIONS)
-
-
-@dataclass(frozen=True)
-class Change:
-    """One attribute of some elements of the model, set to a new value."""
-
-    element: str
-    """``body`` or ``geom``."""
-    names: tuple[str, ...]
-    attribute: str
-    """``mass`` of a body, whose explicit inertia stays as it is, or ``density`` of a geom."""
-    value: float
-    unit: str
-    scale_inertia: bool = False
-    """Whether the inertia of a body grows with its mass, as that of more of the same stuff."""
-
-
-def _mass(value: float, *bodies: str) -> Change:
-    return Change("body", bodies, "mass", value, "kg")
-
-
-def _pen_density(value: float) -> Change:
-    return Change("geom", ("pen",), "density", value, "kg/m^3")
-
-
-# The appendix's "palm" has mass 4.0, as the models' forearm does (their palm weighs 0.3 kg), and
-# its pen has "1.5", as the pen's density in g/cm^3 does (the pen weighs 0.18 kg).
-_KNUCKLES = ("ffknuckle", "mfknuckle", "rfknuckle", "lfknuckle")
-CHANGES = {
-    "tool": {
-        "heavy_object": _mass(0.85, "Object"),
-        "light_object": _mass(0.10, "Object"),
-        "light_hand": _mass(1.0, "forearm"),
-        "heavy_hand": _mass(8.0, "forearm"),
-    },
-    "door": {
-        "heavy_object": _mass(12.54, "latch"),
-        "light_object": _mass(0.54, "latch"),
-        "light_hand": _mass(1.5, "forearm"),
-        "heavy_hand": _mass(7.0, "forearm"),
-    },
-    "relocation": {
-        "heavy_object": _mass(1.88, "Object"),
-        "light_object": _mass(0.05, "Object"),
-        "light_hand": _mass(3.0, "forearm"),
-        "heavy_hand": _mass(5.0, "forearm"),
-    },
-    "reorientation": {
-        "heavy_object": _pen_density(9500.0),
-        "light_object": _pen_density(200.0),
-        "light_hand": _mass(0.0001, *_KNUCKLES),
-        "heavy_hand": _mass(0.20, *_KNUCKLES),
-    },
-}
-
-
-def _readings(changes: dict[str, Change]) -> dict[str, Change]:
-    """Other readings of the same words.
-
-    The body that is named palm, by the same factor, in place of the one that weighs 4.0 kg; and
-    each body's inertia grown with its mass.
-    """
-    found = {}
-    for name, change in changes.items():
-        if change.names == ("forearm",):
-            palm = _mass(round(0.3 * change.value / 4.0, 6), "palm")
-            found[name.replace("hand", "palm")] = palm
-        if change.attribute == "mass":
-            found[f"{name}_inertia"] = replace(change, scale_inertia=True)
-    return found
-
-
-READINGS = {task: _readings(changes) for task, changes in CHANGES.items()}
-"""By task; the experiment `audit` shows what hangs on the reading."""
-
-
-def physics_names(task: str) -> tuple[str, ...]:
-    """Returns the names of all that `apply_physics` knows of a task."""
-    return (NOMINAL, *CHANGES[task], *READINGS[task])
+from tasks.masses import CHANGES, NOMINAL, READINGS, Change, physics_names
 
 
 def apply_physics(task: Task, physics: str, batch: Batch) -> None:

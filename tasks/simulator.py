@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 from tasks.base import Task
 from tasks.data import Episodes, FloatArray, IntArray, Starts
 from tasks.errors import InputError
-from tasks.physics import NOMINAL, apply_physics
+from tasks.masses import NOMINAL
+from tasks.physics import apply_physics
 
 SUBSTEPS = 5
 """Physics steps of 2 ms in a control step of 10 ms, as in the Adroit environments."""

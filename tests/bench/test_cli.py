@@ -3,7 +3,7 @@ import subprocess
 import sys
 
 from bench.experiments import EXPERIMENTS
-from tasks.physics import physics_names
+from tasks.masses import physics_names
 from tasks.registry import TASKS, get_task
 
 

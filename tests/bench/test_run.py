@@ -17,7 +17,7 @@ from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
 from tasks.errors import InputError
-from tasks.physics import READINGS, VARIATIONS
+from tasks.masses import READINGS, VARIATIONS
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

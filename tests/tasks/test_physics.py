@@ -4,7 +4,8 @@ import pytest
 from mujoco.batch import MODEL_FIELDS
 
 from tasks.errors import InputError
-from tasks.physics import CHANGES, PHYSICS, READINGS, changed_fields, physics_names
+from tasks.masses import CHANGES, PHYSICS, READINGS, physics_names
+from tasks.physics import changed_fields
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator, rollout
 
