@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
-from tasks.masses import CHANGES, NOMINAL, READINGS
+from tasks.masses import NOMINAL, all_changes
 from tasks.registry import get_task
 
 
@@ -15,7 +15,6 @@ def describe(name: str) -> dict[str, Any]:
         InputError: there is no task of that name.
     """
     task = get_task(name)
-    changes = CHANGES[task.name] | READINGS[task.name]
     return {
         "name": task.name,
         "summary": task.summary,
@@ -29,7 +28,7 @@ def describe(name: str) -> dict[str, Any]:
         "splits": {split: [_limits(task, box) for box in task.ranges(split)] for split in SPLITS},
         "reading": asdict(task.reading),
         "success": task.rule,
-        "physics": {NOMINAL: None} | {name: asdict(c) for name, c in changes.items()},
+        "physics": {NOMINAL: None} | {name: asdict(c) for name, c in all_changes(name).items()},
         "model_file": task.model_file,
         "model_hash": task.model_hash,
     }

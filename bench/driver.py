@@ -351,12 +351,12 @@ def _validation(task: str) -> Demos:
 def _controller_demos(spec: ControllerSpec) -> Demos:
     """What a controller learns from: the demonstrations, or rollouts of the expert elsewhere."""
     task = get_task(spec.task)
-    starts = task.sample("demo", spec.demos)
-    if spec.physics == NOMINAL:
-        demos = _training(spec.task, spec.demos)
-        if not spec.raw:
-            return demos
-        starts = demos.starts
+    if spec.physics != NOMINAL:
+        starts = task.sample("demo", spec.demos)
+    elif spec.raw:
+        starts = _training(spec.task, spec.demos).starts
+    else:
+        return _training(spec.task, spec.demos)
     expert = load_expert(task).policy
     return record(task, starts, expert, spec.physics, failures=spec.failures, raw=spec.raw)[1]
 

@@ -260,6 +260,7 @@ class Store:
         frame: pd.DataFrame = pd.read_parquet(self.cells / row["folder"] / name, columns=columns)
         return frame
 
+    # Failures
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
         """Notes why there is no result of that label, and how often it was tried in all."""
         path = self._failure(label)

@@ -133,7 +133,8 @@ def demos() -> Demos:
 def one_thread():
     before = torch.get_num_threads()
     torch.set_num_threads(1)
-    yield
+    with torch.random.fork_rng():
+        yield
     torch.set_num_threads(before)
 
 

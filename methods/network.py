@@ -57,13 +57,9 @@ class NetworkMethod(MotionMethod):
         state goes from those of truth (S, B, T, D), where it is given.
         """
 
-    def window(self, horizon: int) -> int:
-        """How many states a network predicts in training; the whole motion unless overridden."""
-        return horizon - 1
-
     def samples(self, states: FloatArray) -> list[FloatArray]:
-        """Returns what the loss of training takes, from motions (N, T, D): first axis samples."""
-        return [windows(states, self.window(states.shape[1]))]
+        """Returns what the loss takes, from motions (N, T, D): whole ones unless overridden."""
+        return [states]
 
     def loss(self, weights: Weights, *sample: Tensor) -> Tensor:
         """Returns the loss of training of each network on some samples, (S,)."""

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from methods.layers import Weights, mlp, mlp_weights
-from methods.network import NetworkConfig, NetworkMethod
+from methods.network import NetworkConfig, NetworkMethod, windows
 from tasks.data import FloatArray
 
 
@@ -74,6 +74,6 @@ class NN(NetworkMethod):
             states.append(x)
         return torch.stack(states, dim=2)
 
-    def window(self, horizon: int) -> int:
-        """As the config says, within the motion."""
-        return min(self.config.window, horizon - 1)
+    def samples(self, states: FloatArray) -> list[FloatArray]:
+        """Returns all stretches of as many steps as the config says, (N, W + 1, D)."""
+        return [windows(states, min(self.config.window, states.shape[1] - 1))]

@@ -3,9 +3,9 @@
 import pandas as pd
 
 from bench.controller import ON_SUCCESSES, TUNED
-from reports.exhibit import Exhibit, success_table
+from reports.exhibit import Exhibit, in_order, success_table
 from reports.results import Results
-from reports.style import METHODS, TASKS, ordered
+from reports.style import METHODS, TASKS
 from tasks.masses import CHANGES, READINGS
 
 
@@ -28,13 +28,7 @@ def table(results: Results) -> pd.DataFrame:
     tuned = found.controller.isin([TUNED, ON_SUCCESSES])
     found = found.assign(label=label.where(~tuned, label + " " + found.controller))
     success = success_table(found, "label", "method")
-    places = {
-        "row": {name: place for place, name in enumerate(sorted(set(success.row), key=_order))},
-        "column": {name: place for place, name in enumerate(ordered(success.column, METHODS))},
-    }
-    return success.sort_values(
-        ["row", "column"], key=lambda names: names.map(places[str(names.name)])
-    )
+    return in_order(success, sorted(set(success.row), key=_order), METHODS)
 
 
 def _order(row: str) -> tuple[int, int]:

@@ -18,12 +18,12 @@ import pandas as pd
 from reports import figure_6, figure_6_time
 from reports.paper import published
 from reports.results import Results
-from reports.robustness import VARIATIONS
 from reports.stats import paired_difference
 from reports.style import METHODS, TASKS, display
 from reports.table_11 import SETS
 from reports.table_12 import magnitudes
 from tasks.data import BoolArray
+from tasks.masses import VARIATIONS
 
 ROBUSTNESS_TABLES = dict(zip(TASKS, (7, 8, 9, 10), strict=True))
 SIMILAR = 5.0
@@ -126,7 +126,7 @@ CLAIMS = (
             Contrast(_varied(m, task, "light_hand"), _varied(m, task, other), -SIMILAR)
             for task in TASKS
             for m in LEARNERS
-            for other in VARIATIONS[1:]
+            for other in VARIATIONS
             if other != "light_hand"
         ),
     ),
@@ -158,7 +158,7 @@ CLAIMS = (
         tuple(
             Contrast(_varied("kodex", task, v, tuned), _varied(m, task, v, tuned))
             for task in TASKS
-            for v in VARIATIONS[1:]
+            for v in VARIATIONS
             for tuned in (False, True)
             for m in ("nn", "lstm", "ndp")
         ),

@@ -26,16 +26,14 @@ def report(
 ) -> None:
     """Write the tables, figures and page of stored results, or of those that are shipped."""
     from bench.store import episodes_table
-    from reports.reference import SHIPPED, is_packed
+    from reports.reference import shipped
     from reports.results import Results
     from reports.write import write_report
 
     if (folder is None) is not reference:
         raise InputError("a report is of a results folder, or of --reference: give one of them")
-    if reference and not is_packed(SHIPPED):
-        raise InputError("no reference results are shipped with this version")
     place = out or (Path("report") if folder is None else folder / "report")
-    source = folder or SHIPPED
+    source = folder or shipped()
     results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()

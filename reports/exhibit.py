@@ -84,11 +84,13 @@ def success_table(evaluations: pd.DataFrame, row: str, column: str) -> pd.DataFr
     return rates(evaluations, [row, column]).rename(columns={row: "row", column: "column"})
 
 
-def in_order(table: pd.DataFrame, rows: Sequence[str]) -> pd.DataFrame:
-    """Returns the table with its rows in the given order, others after them, columns by task."""
+def in_order(
+    table: pd.DataFrame, rows: Sequence[str], columns: Sequence[str] = TASKS
+) -> pd.DataFrame:
+    """Returns the table with rows and columns in the given order, others after them."""
     places = {
         "row": {name: place for place, name in enumerate(ordered(table.row, rows))},
-        "column": {name: place for place, name in enumerate(TASKS)},
+        "column": {name: place for place, name in enumerate(ordered(table.column, columns))},
     }
     return table.sort_values(
         ["row", "column"], key=lambda names: names.map(places[str(names.name)])

@@ -56,6 +56,17 @@ def pack(store: Store, folder: Path) -> None:
     (folder / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
 
 
+def shipped() -> Path:
+    """Returns the folder of the shipped results.
+
+    Raises:
+        InputError: none are.
+    """
+    if not is_packed(SHIPPED):
+        raise InputError("no reference results are shipped with this version")
+    return SHIPPED
+
+
 def is_packed(folder: Path) -> bool:
     """Whether a folder holds results in the small form."""
     return (folder / "evaluations.parquet").exists()
@@ -126,9 +137,7 @@ class Beside:
         Raises:
             InputError: nothing is shipped, or it is from other demonstrations than the run's.
         """
-        if not is_packed(SHIPPED):
-            raise InputError("no reference results are shipped with this version")
-        self._own, self._shipped = own, Packed(SHIPPED)
+        self._own, self._shipped = own, Packed(shipped())
         mine, theirs = own.frame(), self._shipped.frame()
         theirs = theirs[theirs.task.isin(mine.task) & ~theirs.method.isin(mine.method)]
         for task, recipes in pd.concat([mine, theirs]).groupby("task").recipe:

@@ -5,8 +5,7 @@ import pandas as pd
 from reports.exhibit import Exhibit, panels, success_table, with_published
 from reports.results import Results
 from reports.style import METHODS, display, ordered
-
-VARIATIONS = ("nominal", "heavy_object", "light_object", "light_hand", "heavy_hand")
+from tasks.masses import VARIATIONS
 
 
 def robustness_exhibit(number: int, task: str) -> Exhibit:
@@ -14,7 +13,7 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
     name = f"table_{number}"
 
     def table(results: Results) -> pd.DataFrame:
-        varied = [results.main(task=task, split="test", physics=v) for v in VARIATIONS[1:]]
+        varied = [results.main(task=task, split="test", physics=v) for v in VARIATIONS]
         found = pd.concat(varied)
         if found.empty:
             return found.assign(row=[], column=[], value=[])

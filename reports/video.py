@@ -94,9 +94,7 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
     path.parent.mkdir(parents=True, exist_ok=True)
     size = (SIZE * len(takes), SIZE + BAR)
     temporary = path.with_name(f".{path.name}")
-    writer = imageio_ffmpeg.write_frames(
-        str(temporary), size, fps=RATE, macro_block_size=SIZE // 10
-    )
+    writer = imageio_ffmpeg.write_frames(str(temporary), size, fps=RATE)
     writer.send(None)
     for frame in frames(takes):
         writer.send(np.ascontiguousarray(frame))

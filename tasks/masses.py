@@ -81,6 +81,11 @@ READINGS = {task: _readings(changes) for task, changes in CHANGES.items()}
 """By task; the experiment `audit` shows what hangs on the reading."""
 
 
+def all_changes(task: str) -> dict[str, Change]:
+    """Returns every change that there is of a task, those of the appendix first."""
+    return CHANGES[task] | READINGS[task]
+
+
 def physics_names(task: str) -> tuple[str, ...]:
     """Returns the names of all physics that there are of a task."""
-    return (NOMINAL, *CHANGES[task], *READINGS[task])
+    return (NOMINAL, *all_changes(task))

@@ -9,7 +9,7 @@ from mujoco.batch import MODEL_FIELDS, Batch
 from tasks.base import Task
 from tasks.data import FloatArray
 from tasks.errors import unknown_name
-from tasks.masses import CHANGES, NOMINAL, READINGS, Change, physics_names
+from tasks.masses import NOMINAL, Change, all_changes, physics_names
 
 
 def apply_physics(task: Task, physics: str, batch: Batch) -> None:
@@ -34,8 +34,7 @@ def changed_fields(task: Task, physics: str) -> dict[str, FloatArray]:
     """
     if physics not in physics_names(task.name):
         raise unknown_name("physics variation", physics, physics_names(task.name))
-    changes = CHANGES[task.name] | READINGS[task.name]
-    return {} if physics == NOMINAL else _changed_fields(task, changes[physics])
+    return {} if physics == NOMINAL else _changed_fields(task, all_changes(task.name)[physics])
 
 
 @cache
