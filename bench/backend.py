@@ -25,6 +25,17 @@ GRACE = 4.0
 """Seconds after Ctrl-C in which what ends is still kept."""
 PATIENCE = 10
 """Seconds in which a dask scheduler must answer."""
+DASK_CONFIG = {
+    # Jobs carry their demonstrations, tens of megabytes, on purpose.
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    # Who kills its worker is tried again here, alone, rather than beside innocent jobs.
+    "distributed.scheduler.allowed-failures": 0,
+    # A cluster gives up a worker that takes 15 s to start again, or dies a second time within them,
+    # and with the last one jobs would wait for ever.
+    "distributed.deploy.lost-worker-timeout": "1h",
+    "distributed.scheduler.no-workers-timeout": "5m",
+}
+"""For a cluster of this machine's own; of a scheduler elsewhere, only the first entry is heard."""
 SHARED_MEMORY = ("multiprocessing", "threading")
 """Backends that are refused: simulations hang in forked processes, and threads share the random
 stream that torch initialises networks from."""
@@ -248,8 +259,7 @@ def _dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise InputError("the backend dask needs: pip install 'kodex-bench[dask]'") from error
-    # Jobs carry their demonstrations, tens of megabytes, on purpose.
-    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"})
+    dask.config.set(DASK_CONFIG)
     if scheduler is None:
         cluster = LocalCluster(
             n_workers=jobs,
@@ -257,6 +267,8 @@ def _dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
             host="127.0.0.1",
             dashboard_address=None,
             worker_dashboard_address=None,
+            # Without a dashboard it still serves its health, on a port that others may have taken.
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
         )
         with cluster, Client(cluster) as client:
             yield client

@@ -51,6 +51,11 @@ def test_a_job_that_kills_its_worker_is_tried_alone_and_then_blamed(backend):
     assert failure.reason.startswith(f"its worker died {TRIES} times")
 
 
+def test_clusters_of_two_runs_do_not_meet():
+    with workers(Workers(1, "dask")):
+        assert outcome([(math.sqrt, (4.0,))], Workers(1, "dask")) == [2.0]
+
+
 @pytest.mark.filterwarnings("ignore")
 def test_innocent_jobs_survive_the_death_of_workers(times):
     draw = np.random.default_rng(0)
