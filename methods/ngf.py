@@ -32,10 +32,7 @@ from torch.nn.functional import softplus
 
 from methods.layers import Weights, linear, linear_weights
 from methods.network import NetworkConfig, NetworkMethod, windows
-from tasks.data import FloatArray
-
-DT = 0.01
-"""A control step [s]."""
+from tasks.data import CONTROL_STEP, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +104,7 @@ class NGF(NetworkMethod):
         """Returns the mean squared error on stretches, each from its first two rows."""
         context, stretch = sample
         q = stretch[:, :, 1]
-        v = (q - stretch[:, :, 0]) / DT
+        v = (q - stretch[:, :, 0]) / CONTROL_STEP
         predicted = self._integrate(weights, context, q, v, stretch.shape[2] - 2)
         return (predicted - stretch[:, :, 2:]).square().mean(dim=(1, 2, 3))
 
@@ -118,8 +115,8 @@ class NGF(NetworkMethod):
         of_context = {name: linear(weights, f"{name}_context", context) for name in names}
         motion = []
         for _ in range(steps):
-            v = v + DT * acceleration(weights, of_context, q, v)
-            q = q + DT * v
+            v = v + CONTROL_STEP * acceleration(weights, of_context, q, v)
+            q = q + CONTROL_STEP * v
             motion.append(q)
         return torch.stack(motion, dim=2)
 

@@ -26,6 +26,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+CONTROL_STEP = 0.01
+"""Seconds from one state of an episode to the next, in every task."""
+
 
 def key(*parts: object) -> str:
     """Returns the SHA-256, in hexadecimal digits, of what the parts say.

@@ -16,6 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import torch
+from filelock import FileLock, Timeout
 from gymnasium import spaces
 from safetensors import safe_open
 from safetensors.numpy import load, save
@@ -50,9 +51,20 @@ def train(task: Task, folder: Path, report: Report, threads: int = 2) -> Path:
         folder: where checkpoint and log are kept.
         report: called after each iteration with what the log says of it.
         threads: how many to simulate on.
+
+    Raises:
+        InputError: another process trains in the folder.
     """
-    recipe = RECIPES[task.name]
     folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            return _train(task, folder, report, threads)
+    except Timeout as error:
+        raise InputError(f"another training is writing to {folder}: wait for it") from error
+
+
+def _train(task: Task, folder: Path, report: Report, threads: int) -> Path:
+    recipe = RECIPES[task.name]
     torch.set_num_threads(threads)
     episodes = EpisodesEnv(task, recipe, threads)
     env = VecNormalize(episodes, gamma=recipe.discount, clip_obs=CLIP, epsilon=EPSILON)

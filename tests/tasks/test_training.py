@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from tasks import training
+from tasks.errors import InputError
 from tasks.experts import Expert, expert_input
 from tasks.recipes import RECIPES
 from tasks.registry import get_task
@@ -54,6 +55,16 @@ def test_a_killed_run_goes_on_from_its_checkpoint(task, recipe, tmp_path):
     assert log(tmp_path)[-1]["seconds"] > 0
     training.train(task, tmp_path, lambda row: None, threads=1)
     assert len(log(tmp_path)) == len(steps)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_two_trainings_do_not_share_a_folder(task, recipe, tmp_path):
+    def again(row):
+        training.train(task, tmp_path, lambda row: None, threads=1)
+
+    with pytest.raises(InputError, match="another training is writing to"):
+        training.train(task, tmp_path, again, threads=1)
+    assert len(log(tmp_path)) == 1
 
 
 @pytest.mark.parametrize("task", ["reorientation"], indirect=True)
