@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from torch import Tensor
+import torch
+from torch import Tensor, nn
 
 from methods.dmp import DMPConfig, dmp
 from methods.layers import Weights, mlp, mlp_weights
@@ -28,6 +30,8 @@ class NDPConfig(NetworkConfig):
     acceleration, so that they are large where goals are of order 1."""
     dt: float | None = None
     """Length of a step; unless told 1 / (T-1), so that the phase spans the motion."""
+    published_start: bool = False
+    """Whether training starts from the published distribution of the layers."""
     epochs: int = 600
     batch_size: int = 16
     learning_rate: float = 1e-3
@@ -54,6 +58,7 @@ class NDP(NetworkMethod):
             "goal_gain": 1000.0,
             "weight_gain": 1000.0,
             "dt": 0.01,
+            "published_start": True,
             "standardise": False,
             "fresh_adam": "epoch",
             "epochs": 200,
@@ -69,7 +74,10 @@ class NDP(NetworkMethod):
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
         """Returns the layers from D to a goal and N_b weights for each number that is driven."""
         outputs = self.driven * (1 + self.config.basis_functions)
-        return mlp_weights(rng, "layer", (self.layout.state_dim, *self.config.hidden, outputs))
+        widths = (self.layout.state_dim, *self.config.hidden, outputs)
+        return (_published_layers if self.config.published_start else mlp_weights)(
+            rng, "layer", widths
+        )
 
     def unroll(
         self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
@@ -81,3 +89,19 @@ class NDP(NetworkMethod):
         of_basis = config.weight_gain * of_basis.unflatten(-1, (driven, config.basis_functions))
         layer = DMPConfig(config.basis_functions, steps, config.dt or 1 / steps)
         return dmp(layer, start[..., :driven], config.goal_gain * goal, of_basis)
+
+
+def _published_layers(
+    rng: np.random.Generator, name: str, widths: tuple[int, ...]
+) -> dict[str, FloatArray]:
+    """Uniform within 1 / sqrt(outputs) and biases of 0.1; the last orthogonal, without bias."""
+    arrays: dict[str, FloatArray] = {}
+    for i, (inputs, outputs) in enumerate(pairwise(widths)):
+        bound = outputs**-0.5
+        arrays[f"{name}{i}.weight"] = rng.uniform(-bound, bound, (outputs, inputs))
+        arrays[f"{name}{i}.bias"] = np.full(outputs, 0.1)
+    stream = torch.Generator().manual_seed(int(rng.integers(2**63)))
+    last = torch.empty((outputs, inputs), dtype=torch.float64)
+    arrays[f"{name}{i}.weight"] = nn.init.orthogonal_(last, generator=stream).numpy()
+    arrays[f"{name}{i}.bias"] = np.zeros(outputs)
+    return arrays

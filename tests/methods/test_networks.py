@@ -197,6 +197,16 @@ def test_published_ndp_drives_the_whole_state_with_a_fixed_step(start):
     assert NDP(NDP.sizes["small"], LAYOUT).driven == 3
 
 
+def test_published_ndp_starts_within_bounds_of_its_outputs_and_orthogonal_at_last():
+    config = replace(NDP.sizes["small"], **NDP.variants["published"])
+    first, last = (f"layer{i}.weight" for i in (0, 3))
+    arrays = NDP(config, LAYOUT).draw(generator("start"))
+    assert np.abs(arrays[first]).max() == pytest.approx(32**-0.5, rel=0.05)
+    np.testing.assert_allclose(arrays[last].T @ arrays[last], np.eye(32), atol=1e-12)
+    assert set(arrays["layer1.bias"]) == {0.1}
+    assert not arrays["layer3.bias"].any()
+
+
 # The fabric
 @pytest.fixture
 def fabric():
