@@ -45,6 +45,7 @@ class Progress:
         self._waiting = dict(enumerate(costs))
         self._spent: dict[str, tuple[float, float]] = {}
         self._bar = self._bars.add_task(round_, total=self._total, left="", latest="")
+        self._say(f"{round_} 0/{self._total}")
 
     def advance(self, index: int, seconds: float, label: str) -> None:
         """A job has been committed, after so many seconds of work."""
@@ -53,8 +54,10 @@ class Progress:
         self._spent[cost.kind] = spent + seconds, units + cost.units
         done, left = self._total - len(self._waiting), f"about {_text(self.left())} left"
         self._bars.update(self._bar, completed=done, left=left, latest=label)
+        self._say(f"{self._round} {done}/{self._total}, {left}: {label}")
+
+    def _say(self, line: str) -> None:
         if not self._console.is_terminal:
-            line = f"{self._round} {done}/{self._total}, {left}: {label}"
             self._console.print(line, highlight=False, soft_wrap=True)
 
     def left(self) -> float:

@@ -89,16 +89,18 @@ class NetworkMethod(MotionMethod):
             mean = demos.states.mean(axis=(0, 1))
             scale = np.maximum(demos.states.std(axis=(0, 1)), SCALE_FLOOR)
         unseen = torch.from_numpy(((validation.states - mean) / scale).astype(np.float32))
+        # A lone network has a copy of itself for company, so as to become what it would in any.
+        beside = seeds if len(seeds) > 1 else [*seeds, *seeds]
         trained = minimise(
             draw=one.draw,
             loss=one.loss,
             data=one.samples((demos.states - mean) / scale),
             schedule=config,
             name=cls.name,
-            seeds=seeds,
+            seeds=beside,
             validate=lambda weights: one.error(weights, _for_each(weights, unseen)),
         )
-        for method, result in zip(methods, trained, strict=True):
+        for method, result in zip(methods, trained[: len(seeds)], strict=True):
             method._arrays = result.weights | {"state_mean": mean, "state_scale": scale}
             method._trained = result
         return methods

@@ -1,7 +1,8 @@
 """The one training loop: Adam on mini-batches, for every network of the suite.
 
 Networks of several seeds are trained together (see `methods.layers`). Each draws its own weights
-and its own order of samples, and what it becomes does not depend on which others are beside it.
+and its own order of samples, and what it becomes does not depend on which others are beside it, so
+long as there are any: torch multiplies a lone network by other operations, which round differently.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,9 +20,6 @@ from tasks.errors import InputError, unknown_name
 
 Draw = Callable[[np.random.Generator], dict[str, FloatArray]]
 """Returns one network's first weights by name."""
-BESIDE = 2
-"""Fewest networks trained side by side: torch multiplies a single one by other operations, which
-round differently, so that a lone network has a copy of itself for company."""
 
 
 class TrainingError(RuntimeError):
@@ -100,8 +98,7 @@ def minimise(
     Raises:
         TrainingError: some seed's loss was never finite.
     """
-    beside = list(seeds) if len(seeds) >= BESIDE else [*seeds, *seeds]
-    drawn = [draw(generator("weights", name, seed)) for seed in beside]
+    drawn = [draw(generator("weights", name, seed)) for seed in seeds]
     weights = {
         key: torch.from_numpy(np.stack([one[key] for one in drawn]).astype(np.float32))
         for key in drawn[0]
@@ -109,7 +106,7 @@ def minimise(
     for weight in weights.values():
         weight.requires_grad_()
     samples = [torch.from_numpy(array.astype(np.float32)) for array in data]
-    orders = [generator("order", name, seed) for seed in beside]
+    orders = [generator("order", name, seed) for seed in seeds]
 
     def fresh_adam() -> torch.optim.Optimizer:
         rate, decay = schedule.learning_rate, schedule.weight_decay
@@ -120,7 +117,7 @@ def minimise(
     with one_thread():
         for _ in range(schedule.epochs):
             order = torch.from_numpy(np.stack([rng.permutation(len(samples[0])) for rng in orders]))
-            total = torch.zeros(len(beside))
+            total = torch.zeros(len(seeds))
             optimiser = fresh_adam() if schedule.fresh_adam == "epoch" else optimiser
             for rows in order.split(schedule.batch_size, dim=1):
                 optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser

@@ -73,13 +73,16 @@ def test_training_is_that_of_torch_seed_by_seed(line):
         )
 
 
-def test_what_a_seed_becomes_does_not_depend_on_its_company(line):
+def test_what_a_seed_becomes_does_not_depend_on_its_company():
+    demos, validation = toy(0, 12), toy(1, 4)
+    config = replace(NN.sizes["small"], epochs=2)
     alone, pair, five = (
-        train(draw_line, line_loss, line, seeds=s)[0] for s in ([1], [1, 7], range(1, 6))
+        NN.fit_seeds(config, LAYOUT, demos, validation, seeds)[0].parameters()
+        for seeds in ([1], [1, 7], range(1, 6))
     )
-    for name, array in alone.weights.items():
-        np.testing.assert_array_equal(pair.weights[name], array)
-        np.testing.assert_array_equal(five.weights[name], array)
+    for name, array in alone.items():
+        np.testing.assert_array_equal(pair[name], array)
+        np.testing.assert_array_equal(five[name], array)
 
 
 def test_a_fresh_adam_for_each_batch_steps_by_the_sign_of_the_gradient(line):
