@@ -13,6 +13,7 @@ from bench.store import Source, Store
 from methods.base import Parameters
 from reports.reference import Beside, Packed, is_packed
 from reports.stats import rate_interval
+from reports.style import TASKS, ordered
 from tasks.data import BoolArray
 from tasks.errors import InputError
 
@@ -38,8 +39,12 @@ class Results:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each stored evaluation, see `bench.store.Store.frame`."""
-        return self.source.frame()
+        """One row for each stored evaluation, as `bench.store.Store.frame` has it, task by task."""
+        found = self.source.frame()
+        places = {name: place for place, name in enumerate(ordered(found.task, TASKS))}
+        return found.sort_values(
+            "task", key=lambda names: names.map(places), kind="stable", ignore_index=True
+        )
 
     @cached_property
     def notes(self) -> list[str]:
