@@ -29,7 +29,7 @@ from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
 from methods.base import ActionMethod, Method, MotionMethod, Parameters
 from tasks.data import Demos, Episodes, Starts
-from tasks.demos import TRAINING, demos_key, load_demos, record
+from tasks.demos import TRAINING, demos_key, demos_path, load_demos, record
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
@@ -335,8 +335,13 @@ def _cost(group: Sequence[Any]) -> Cost:
     return Cost(first.cell.fit.task, len(first.starts))
 
 
-@cache
 def _demos(task: str) -> Demos:
+    return _demos_at(demos_path(get_task(task)), task)
+
+
+@cache
+def _demos_at(path: Path, task: str) -> Demos:
+    """The demonstrations that the cache keeps there: another expert's would lie elsewhere."""
     return load_demos(get_task(task))
 
 
