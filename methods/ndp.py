@@ -75,9 +75,8 @@ class NDP(NetworkMethod):
         """Returns the layers from D to a goal and N_b weights for each number that is driven."""
         outputs = self.driven * (1 + self.config.basis_functions)
         widths = (self.layout.state_dim, *self.config.hidden, outputs)
-        return (_published_layers if self.config.published_start else mlp_weights)(
-            rng, "layer", widths
-        )
+        layers = _published_layers if self.config.published_start else mlp_weights
+        return layers(rng, "layer", widths)
 
     def unroll(
         self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
@@ -95,13 +94,14 @@ def _published_layers(
     rng: np.random.Generator, name: str, widths: tuple[int, ...]
 ) -> dict[str, FloatArray]:
     """Uniform within 1 / sqrt(outputs) and biases of 0.1; the last orthogonal, without bias."""
+    *hidden, (inputs, outputs) = pairwise(widths)
     arrays: dict[str, FloatArray] = {}
-    for i, (inputs, outputs) in enumerate(pairwise(widths)):
-        bound = outputs**-0.5
-        arrays[f"{name}{i}.weight"] = rng.uniform(-bound, bound, (outputs, inputs))
-        arrays[f"{name}{i}.bias"] = np.full(outputs, 0.1)
+    for i, (into, out) in enumerate(hidden):
+        bound = out**-0.5
+        arrays[f"{name}{i}.weight"] = rng.uniform(-bound, bound, (out, into))
+        arrays[f"{name}{i}.bias"] = np.full(out, 0.1)
     stream = torch.Generator().manual_seed(int(rng.integers(2**63)))
     last = torch.empty((outputs, inputs), dtype=torch.float64)
-    arrays[f"{name}{i}.weight"] = nn.init.orthogonal_(last, generator=stream).numpy()
-    arrays[f"{name}{i}.bias"] = np.zeros(outputs)
+    arrays[f"{name}{len(hidden)}.weight"] = nn.init.orthogonal_(last, generator=stream).numpy()
+    arrays[f"{name}{len(hidden)}.bias"] = np.zeros(outputs)
     return arrays
