@@ -121,9 +121,13 @@ def test_what_cannot_be_used_is_refused(where, answer):
 SLEEPERS = """
 import sys, time
 from functools import partial
+from pathlib import Path
 from bench.backend import Interrupts, Workers, answers, workers
+def begin(folder, seconds):
+    (folder / str(seconds)).touch()
+    time.sleep(seconds)
 where = Workers(int(sys.argv[1]))
-jobs = [(time.sleep, (seconds,)) for seconds in (0.1, 2.5, 60, 60)]
+jobs = [(begin, (Path(sys.argv[2]), seconds)) for seconds in (0, 2, 60, 61)]
 with workers(where), Interrupts() as interrupts:
     for index, answer in answers([partial(tuple, job) for job in jobs], where, interrupts):
         print(index, flush=True)
@@ -132,20 +136,22 @@ with workers(where), Interrupts() as interrupts:
 
 
 @pytest.mark.parametrize(("jobs", "times"), [(1, 1), (2, 1), (2, 2)])
-def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times):
+def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path):
     running = subprocess.Popen(
-        [sys.executable, "-c", SLEEPERS, str(jobs)],
+        [sys.executable, "-c", SLEEPERS, str(jobs), str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
     assert running.stdout.readline() == "0\n"
+    while not (tmp_path / "2").exists():
+        time.sleep(0.01)
     for _ in range(times):
         os.killpg(running.pid, signal.SIGINT)
         time.sleep(0.5)
     out, err = running.communicate(timeout=60)
-    # Once: the job of 2.5 s may end. Twice: nothing may.
+    # Once: the job of 2 s may end. Twice: nothing may.
     assert out == ("1\n" if times == 1 else "")
     assert "KeyboardInterrupt" in err
     assert "stopping" in err
