@@ -10,7 +10,7 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -25,7 +25,7 @@ from bench.experiments import cells_of, chosen_sizes, first_wave
 from bench.presets import Study
 from bench.progress import Cost, Progress
 from bench.rollout import FeedbackPolicy, TrackedMotion
-from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
 from bench.store import Store
 from methods.base import ActionMethod, Method, MotionMethod, Parameters
 from tasks.data import Demos, Episodes, Starts
@@ -157,14 +157,10 @@ class _Runner:
         for fit in missing:
             if fit.method == EXPERT:
                 self.store.add_fit(fit, {}, {}, _facts(0.0))
-        blocks: dict[str, list[Fit]] = {}
-        for fit in missing:
-            if fit.method != EXPERT:
-                blocks.setdefault(replace(fit, seed=0).key, []).append(fit)
         self._dispatch(
             "fits",
             fit_job,
-            list(blocks.values()),
+            seed_blocks(fit for fit in missing if fit.method != EXPERT),
             lambda fits: (fits, _training(fits[0].task, fits[0].demos), _validation(fits[0].task)),
             lambda fit, result: self.store.add_fit(fit, result[0], result[1], _facts(result[2])),
         )

@@ -6,6 +6,7 @@ method and size the fit of a few demonstrations for an epoch or two, scaled to t
 
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy as np
 from bench.controller import ControllerConfig, train_controller
 from bench.experiments import cells_of
 from bench.presets import Study
-from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store
 from tasks import demos
 from tasks.data import Demos, Starts, generator
@@ -76,7 +77,7 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     tracking = [spec for spec in controllers.values() if not store.has_controller(spec)]
     episodes = {i: missing for i, cell in enumerate(cells) if (missing := _missing(store, cell))}
     seconds = (
-        sum(fit_seconds(fit) for fit in learning)
+        sum(fits_seconds(fits) for fits in seed_blocks(learning))
         + sum(controller_seconds(spec) for spec in tracking)
         + sum(count * episode_seconds(cells[i].fit.task) for i, count in episodes.items())
     )
@@ -131,15 +132,16 @@ def episode_seconds(task_name: str) -> float:
     return (perf_counter() - began) / (_EPISODES * _STEPS) * (task.horizon - 1)
 
 
-def fit_seconds(fit: Fit) -> float:
-    """Returns the seconds that a fit takes: per demonstration, and epoch where it has epochs."""
-    epochs = fit.config.get("epochs", 1)
-    return _unit_seconds(fit.task, fit.method, fit.variant, fit.size) * fit.demos * epochs
+def fits_seconds(fits: Sequence[Fit]) -> float:
+    """Returns the seconds of fits that differ in their seeds: per demonstration, and epoch."""
+    one = fits[0]
+    unit = _unit_seconds(one.task, one.method, one.variant, one.size, len(fits))
+    return unit * one.demos * float(one.config.get("epochs", 1))
 
 
 @cache
-def _unit_seconds(task_name: str, method: str, variant: str, size: str) -> float:
-    """The seconds of a fit for each demonstration and epoch: of 16 demonstrations, two epochs."""
+def _unit_seconds(task_name: str, method: str, variant: str, size: str, seeds: int) -> float:
+    """The seconds of fits for each demonstration and epoch: of 16 demonstrations, two epochs."""
     from methods.registry import get_method
 
     config = get_method(method, variant).sizes[size]
@@ -147,9 +149,9 @@ def _unit_seconds(task_name: str, method: str, variant: str, size: str) -> float
     epochs = 2 if "epochs" in {field.name for field in fields(config)} else 1
     config = replace(config, epochs=epochs) if epochs == 2 else config
     demos = _random_demos(task_name)
-    learner = get_method(method, variant)(config, get_task(task_name).layout)
+    layout = get_task(task_name).layout
     began = perf_counter()
-    learner.fit(demos, demos[:2], 1)
+    get_method(method, variant).fit_seeds(config, layout, demos, demos[:2], range(1, seeds + 1))
     return (perf_counter() - began) / (epochs * len(demos))
 
 
@@ -171,7 +173,8 @@ def _random_demos(task_name: str) -> Demos:
     task = get_task(task_name)
     rng = generator("calibration", task_name)
     shape = (_DEMOS, task.horizon)
-    states = rng.standard_normal((*shape, task.layout.state_dim))
+    # Walks rather than noise, whose velocities would tear a second-order policy apart.
+    states = rng.standard_normal((*shape, task.layout.state_dim)).cumsum(axis=1) / task.horizon
     velocities = states[:, :, : task.robot_dim]
     actions = rng.uniform(-1, 1, (_DEMOS, task.horizon - 1, task.layout.action_dim))
     starts = Starts(task_name, "demo", np.arange(_DEMOS), np.zeros((_DEMOS, 1)))

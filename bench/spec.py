@@ -4,8 +4,8 @@ A key hashes resolved values alone: never an order, a path, a time, or a number 
 more episodes extend the same evaluation.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -68,6 +68,14 @@ class Fit:
         # JSON has no tuples.
         values = {n: tuple(v) if isinstance(v, list) else v for n, v in self.config.items()}
         return method(config(**values), get_task(self.task).layout)
+
+
+def seed_blocks(fits: Iterable[Fit]) -> list[list[Fit]]:
+    """Returns the fits in groups that differ in their seeds alone, which are fitted together."""
+    blocks: dict[str, list[Fit]] = {}
+    for fit in fits:
+        blocks.setdefault(replace(fit, seed=0).key, []).append(fit)
+    return list(blocks.values())
 
 
 @dataclass(frozen=True)
