@@ -10,8 +10,10 @@ import threading
 import time
 from functools import partial
 
+import distributed  # noqa: F401, whose defaults dask's configuration must have
 import numpy as np
 import pytest
+from dask import config as dask_config
 from joblib.externals.loky import reusable_executor
 
 from bench.backend import TRIES, Failure, Interrupts, Workers, answers, workers
@@ -178,16 +180,34 @@ def dask_command(*options):
 
 
 @pytest.fixture
-def scheduler(tmp_path):
+def encrypted(tmp_path, monkeypatch):
+    """A certificate, where dask's configuration names it here and in new processes."""
+    pair = {"cert": str(tmp_path / "cert.pem"), "key": str(tmp_path / "key.pem")}
+    signing = "openssl req -x509 -nodes -newkey rsa:2048 -days 1 -subj /CN=localhost"
+    files = ["-keyout", pair["key"], "-out", pair["cert"]]
+    subprocess.run([*signing.split(), *files], check=True, capture_output=True)
+    tls = {"ca-file": pair["cert"], **dict.fromkeys(("scheduler", "worker", "client"), pair)}
+    comm = {"require-encryption": True, "tls": tls}
+    (tmp_path / "distributed.yaml").write_text(json.dumps({"distributed": {"comm": comm}}))
+    monkeypatch.setenv("DASK_CONFIG", str(tmp_path))
+    dask_config.refresh(paths=[str(tmp_path)])
+    yield
+    dask_config.refresh()
+
+
+@pytest.fixture(params=["tcp", "tls"])
+def scheduler(request, tmp_path):
     """The address of a dask scheduler with one worker, processes of their own."""
+    if request.param == "tls":
+        request.getfixturevalue("encrypted")
     file = tmp_path / "scheduler.json"
-    started = [
-        dask_command("dask_scheduler", "--host=127.0.0.1", "--port=0", f"--scheduler-file={file}")
-    ]
+    address = (f"--protocol={request.param}", "--host=127.0.0.1", "--port=0")
+    started = [dask_command("dask_scheduler", *address, f"--scheduler-file={file}")]
     while not file.exists() or not file.read_text():
         assert started[0].poll() is None
         time.sleep(0.1)
     address = json.loads(file.read_text())["address"]
+    assert address.startswith(request.param)
     started.append(dask_command("dask_worker", address, "--nthreads=1", "--host=127.0.0.1"))
     yield address
     for process in started:
