@@ -1,7 +1,8 @@
 """What a study will cost: its cells, those missing, and the time, memory and disk that they need.
 
-Costs are measured here and now, in a short calibration: the simulation of each task, and for each
-method and size the fit of a few demonstrations for an epoch or two, scaled to the whole.
+Costs are measured here and now, in a short calibration, and scaled to the whole: some of the
+expert's episodes of each task (a hand that rests touches nothing, and takes half the time), and for
+each method and size the fit of a few demonstrations for an epoch or two.
 """
 
 import os
@@ -22,8 +23,9 @@ from bench.store import Store
 from tasks import demos
 from tasks.data import Demos, Starts, generator
 from tasks.errors import InputError
+from tasks.experts import load_expert
 from tasks.registry import get_task
-from tasks.simulator import Simulator
+from tasks.simulator import rollout
 
 BYTES_PER_STEP = 4
 """Of a stored episode: one reading after each control step."""
@@ -34,7 +36,7 @@ GIB_PER_JOB = 1.5
 DECIDED = {"relocation": 0.6, "reorientation": 0.6}
 """Share of its steps that an episode takes until it is decided, all of them in other tasks: a third
 to a half where it succeeds, nine tenths where it fails; on average over the methods."""
-_DEMOS, _EPISODES, _STEPS = 16, 50, 20
+_DEMOS, _EPISODES = 16, 20
 """Size of the calibration."""
 
 
@@ -124,16 +126,12 @@ def _missing(store: Store, cell: Cell) -> int:
 # Calibration
 @cache
 def episode_seconds(task_name: str) -> float:
-    """Returns the seconds of one core that an episode takes, measured on a few steps of some."""
+    """Returns the seconds of one core that an episode takes, measured on a few of the expert's."""
     task = get_task(task_name)
-    simulator = Simulator(task, task.sample("train", _EPISODES), threads=1)
-    still = np.zeros((_EPISODES, task.layout.action_dim))
+    starts, expert = task.sample("train", _EPISODES), load_expert(task).policy
     began = perf_counter()
-    for _ in range(_STEPS):
-        simulator.step(still)
-        simulator.state()
-    steps = DECIDED.get(task_name, 1.0) * (task.horizon - 1)
-    return (perf_counter() - began) / (_EPISODES * _STEPS) * steps
+    rollout(task, starts, expert, threads=1, whole=True)
+    return DECIDED.get(task_name, 1.0) * (perf_counter() - began) / _EPISODES
 
 
 def fits_seconds(fits: Sequence[Fit]) -> float:
