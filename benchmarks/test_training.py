@@ -10,12 +10,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from methods.dmp import DMPConfig, forcing_activations
+from methods.dmp import DMPConfig, forcing_activations, whitening
 from methods.lstm import LSTM
 from methods.ndp import NDP
-from methods.ngf import DT, NGF
+from methods.ngf import NGF
 from methods.nn import NN
-from tasks.data import Demos, Layout, Starts, generator
+from tasks.data import CONTROL_STEP, Demos, Layout, Starts, generator
 
 LAYOUT = Layout(robot_dim=28, object_dim=7, action_dim=28)
 HORIZON, DEMOS, PLAIN_DEMOS = 100, 64, 32
@@ -68,13 +68,13 @@ class PlainNDP(nn.Module):
         super().__init__()
         self.count = config.basis_functions
         outputs = LAYOUT.robot_dim * (1 + self.count)
-        self.gain = config.weight_gain
         self.mlp = Stacked(LAYOUT.state_dim, *config.hidden, outputs)
 
     def forward(self, x: Tensor, steps: int) -> Tensor:
         config = DMPConfig(self.count, steps, 1 / steps)
         goal, weights = self.mlp(x).split([LAYOUT.robot_dim, LAYOUT.robot_dim * self.count], dim=-1)
-        weights = self.gain * weights.unflatten(-1, (LAYOUT.robot_dim, self.count))
+        weights = weights.unflatten(-1, (LAYOUT.robot_dim, self.count))
+        weights = weights @ torch.from_numpy(whitening(config)).float()
         start = y = x[:, : LAYOUT.robot_dim]
         v = torch.full_like(y, config.start_velocity)
         states = []
@@ -111,8 +111,8 @@ class PlainNGF(nn.Module):
             psi = 0.5 * (self.stiffness * q + self.potential(place)).square().sum()
             (slope,) = torch.autograd.grad(psi, q, create_graph=True)
             damping = softplus(self.damping(torch.cat([place, v], dim=-1)))
-            v = v + DT * (geometry - (1 - share) * slope - damping * v)
-            q = q + DT * v
+            v = v + CONTROL_STEP * (geometry - (1 - share) * slope - damping * v)
+            q = q + CONTROL_STEP * v
             states.append(q)
         return torch.stack(states, dim=1)
 

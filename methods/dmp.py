@@ -20,6 +20,10 @@ from torch import Tensor
 
 from tasks.data import FloatArray
 
+WHITENING_FLOOR = 1e-6
+"""Share of the largest singular value below which combinations of basis motions stay small: float32
+would lose in ever larger weights what their differences say."""
+
 
 @dataclass(frozen=True)
 class DMPConfig:
@@ -85,3 +89,17 @@ def forcing_activations(config: DMPConfig) -> FloatArray:
     phase = (1 - config.a_x * config.dt) ** np.arange(1, config.steps + 1)
     psi = np.exp(-widths * (phase[:, None] - centres) ** 2)
     return phase[:, None] * psi / psi.sum(axis=1, keepdims=True)
+
+
+@cache
+def whitening(config: DMPConfig) -> FloatArray:
+    """Returns (N_b, N_b), which numbers of order 1 are multiplied by to be weights w.
+
+    The basis motions of the weights are nearly dependent (of 20, singular values over ten decades),
+    and a gradient hardly moves what only small differences of them can express. With
+    w = z whitening, each of the numbers z moves the motion about as much as any other.
+    """
+    of_weights = basis_motions(config)[3]
+    _, values, combinations = np.linalg.svd(of_weights, full_matrices=False)
+    gains = len(of_weights) ** 0.5 / np.maximum(values, WHITENING_FLOOR * values[0])
+    return np.asarray(combinations.T * gains @ combinations)

@@ -47,6 +47,7 @@ class LSTM(NetworkMethod):
         "described": {},
         "published": {
             "standardise": False,
+            "decay": False,
             "teacher_forced": True,
             "fresh_adam": "batch",
             "epochs": 200,

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from methods.dmp import DMPConfig, dmp
+from methods.dmp import DMPConfig, dmp, whitening
 from methods.layers import Weights, mlp, mlp_weights
 from methods.network import NetworkConfig, NetworkMethod
 from tasks.data import FloatArray
@@ -25,9 +25,9 @@ class NDPConfig(NetworkConfig):
     """Whether the object's state follows primitives too."""
     goal_gain: float = 1.0
     """What the network's goals are multiplied by."""
-    weight_gain: float = 1000.0
-    """What the network's weights of basis functions are multiplied by: the forcing term is an
-    acceleration, so that they are large where goals are of order 1."""
+    weight_gain: float | None = None
+    """What the network's weights of basis functions are multiplied by; unless told, the matrix of
+    `methods.dmp.whitening`."""
     dt: float | None = None
     """Length of a step; unless told 1 / (T-1), so that the phase spans the motion."""
     published_start: bool = False
@@ -60,6 +60,7 @@ class NDP(NetworkMethod):
             "dt": 0.01,
             "published_start": True,
             "standardise": False,
+            "decay": False,
             "fresh_adam": "epoch",
             "epochs": 200,
             "batch_size": 4,
@@ -85,8 +86,12 @@ class NDP(NetworkMethod):
         config, driven = self.config, self.driven
         out = mlp(weights, "layer", start, len(config.hidden) + 1)
         goal, of_basis = out.split([driven, driven * config.basis_functions], dim=-1)
-        of_basis = config.weight_gain * of_basis.unflatten(-1, (driven, config.basis_functions))
+        of_basis = of_basis.unflatten(-1, (driven, config.basis_functions))
         layer = DMPConfig(config.basis_functions, steps, config.dt or 1 / steps)
+        if config.weight_gain is None:
+            of_basis = of_basis @ torch.from_numpy(whitening(layer)).to(of_basis)
+        else:
+            of_basis = config.weight_gain * of_basis
         return dmp(layer, start[..., :driven], config.goal_gain * goal, of_basis)
 
 

@@ -28,6 +28,7 @@ SCALE_FLOOR = 1e-2
 class NetworkConfig(Schedule):
     """What can be chosen about the training of any network."""
 
+    decay: bool = True
     standardise: bool = True
     """Whether states are brought to mean 0 and standard deviation 1."""
     teacher_forced: bool = False

@@ -42,11 +42,11 @@ class NGFConfig(NetworkConfig):
     hidden: tuple[int, int]
     window: int = 20
     """Steps of a stretch in training."""
-    stiffness: float = 10.0
+    stiffness: float = 20.0
     """k at the beginning of training."""
     epochs: int = 20
     batch_size: int = 128
-    learning_rate: float = 2e-3
+    learning_rate: float = 4e-3
 
 
 class NGF(NetworkMethod):
@@ -83,6 +83,8 @@ class NGF(NetworkMethod):
             arrays |= linear_weights(rng, f"{name}0", moving, first)
             arrays |= linear_weights(rng, f"{name}1", first, second)
             arrays |= linear_weights(rng, f"{name}2", second, outputs)
+        # Critical damping of the first potential: below it, motions begin by swinging about.
+        arrays["damping2.bias"] += 2 * self.config.stiffness
         return arrays
 
     def unroll(

@@ -35,6 +35,7 @@ class PublishedNGFConfig(NetworkConfig):
     hidden: tuple[int, int]
     embedding: int
     standardise: bool = False
+    decay: bool = False
     epochs: int = 1000
     """The published limit is 10,000, with all demonstrations in one batch."""
     batch_size: int = 200

@@ -50,6 +50,7 @@ class NN(NetworkMethod):
             "residual": False,
             "window": 1,
             "standardise": False,
+            "decay": False,
             "teacher_forced": True,
             "fresh_adam": "batch",
             "epochs": 200,

@@ -47,6 +47,8 @@ class Schedule:
     epochs: int
     batch_size: int
     learning_rate: float
+    decay: bool = False
+    """Whether the learning rate falls linearly, to nothing at the end."""
     fresh_adam: str = "never"
     """When Adam is made anew, and forgets what it has seen. The published code does so each
     ``batch`` (NN, LSTM: every step is then the learning rate in the gradient's sign) or each
@@ -108,6 +110,9 @@ def minimise(
     samples = [torch.from_numpy(array.astype(np.float32)) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
 
+    steps = schedule.epochs * -(-len(samples[0]) // schedule.batch_size)
+    rates = (schedule.learning_rate * (1 - schedule.decay * step / steps) for step in range(steps))
+
     def fresh_adam() -> torch.optim.Optimizer:
         rate, decay = schedule.learning_rate, schedule.weight_decay
         return torch.optim.AdamW(weights.values(), rate, weight_decay=decay, fused=True)
@@ -121,6 +126,7 @@ def minimise(
             optimiser = fresh_adam() if schedule.fresh_adam == "epoch" else optimiser
             for rows in order.split(schedule.batch_size, dim=1):
                 optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser
+                optimiser.param_groups[0]["lr"] = next(rates)
                 optimiser.zero_grad()
                 losses = loss(weights, *(part[rows] for part in samples))
                 losses.sum().backward()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from methods.dmp import DMPConfig, dmp
+from methods.dmp import WHITENING_FLOOR, DMPConfig, basis_motions, dmp, whitening
 from tasks.data import generator
 
 CONFIGS = [DMPConfig(10, 99, 1 / 99), DMPConfig(30, 69, 0.01), DMPConfig(2, 5, 0.2, alpha=10.0)]
@@ -57,3 +57,13 @@ def test_without_forcing_a_motion_goes_to_its_goal():
     start, goal, weights = draw(config)
     motion = dmp(config, start, goal, torch.zeros_like(weights))
     torch.testing.assert_close(motion[:, -1], goal, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("config", CONFIGS)
+def test_whitened_weights_move_a_motion_alike(config):
+    of_weights = basis_motions(config)[3]
+    values = np.linalg.svd(of_weights, compute_uv=False)
+    alike = (values > WHITENING_FLOOR * values[0]).sum()
+    assert alike >= min(config.basis_functions, 10)
+    moved = np.linalg.svd(of_weights @ whitening(config), compute_uv=False)
+    np.testing.assert_allclose(moved[:alike], config.steps**0.5, rtol=1e-6)

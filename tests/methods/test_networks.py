@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from torch import nn
+from torch.nn.functional import softplus
 
 from methods.checks import LAYOUT, toy
 from methods.layers import linear_weights, mlp, mlp_weights
@@ -71,6 +72,16 @@ def test_training_is_that_of_torch_seed_by_seed(line):
         np.testing.assert_allclose(
             trained.weights["layer1.weight"], network[2].weight.detach(), atol=1e-6
         )
+
+
+def test_a_learning_rate_that_decays_falls_linearly_to_nothing(line, monkeypatch):
+    seen = []
+    step = torch.optim.AdamW.step
+    monkeypatch.setattr(
+        torch.optim.AdamW, "step", lambda one: seen.append(one.param_groups[0]["lr"]) or step(one)
+    )
+    train(draw_line, line_loss, line, replace(SCHEDULE, decay=True))
+    np.testing.assert_allclose(seen, SCHEDULE.learning_rate * (1 - np.arange(9) / 9))
 
 
 def test_what_a_seed_becomes_does_not_depend_on_its_company():
@@ -276,6 +287,14 @@ def test_the_potential_force_is_the_gradient_of_its_potential(fabric):
     psi = 0.5 * (weights["stiffness"][:, None] * q + out).square().sum()
     (expected,) = torch.autograd.grad(psi, q)
     torch.testing.assert_close(potential_gradient(weights, context["potential"], q), expected)
+
+
+def test_a_fabric_begins_critically_damped():
+    method = NGF(NGF.sizes["small"], LAYOUT)
+    arrays = method.draw(generator("critical"))
+    pull = np.square(arrays["stiffness"])
+    damping = softplus(torch.from_numpy(arrays["damping2.bias"])).numpy()
+    np.testing.assert_allclose(damping, 2 * np.sqrt(pull[0]), rtol=0.02)
 
 
 def test_damping_takes_energy_and_rest_is_where_the_potential_is_flat(fabric):
