@@ -21,6 +21,7 @@ class LSTMConfig(NetworkConfig):
     """Units of the layer between the state and the LSTM."""
     hidden: int
     """Units of the LSTM."""
+    decay: bool = False
     epochs: int = 200
     batch_size: int = 16
     learning_rate: float = 1e-3
@@ -47,7 +48,6 @@ class LSTM(NetworkMethod):
         "described": {},
         "published": {
             "standardise": False,
-            "decay": False,
             "teacher_forced": True,
             "fresh_adam": "batch",
             "epochs": 200,

@@ -32,7 +32,7 @@ class NDPConfig(NetworkConfig):
     """Length of a step; unless told 1 / (T-1), so that the phase spans the motion."""
     published_start: bool = False
     """Whether training starts from the published distribution of the layers."""
-    epochs: int = 600
+    epochs: int = 300
     batch_size: int = 16
     learning_rate: float = 1e-3
 
