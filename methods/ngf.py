@@ -40,12 +40,12 @@ class NGFConfig(NetworkConfig):
     """Table 5 gives the layers; the rest is chosen on validation data."""
 
     hidden: tuple[int, int]
-    window: int = 20
+    window: int = 10
     """Steps of a stretch in training."""
     stiffness: float = 20.0
     """k at the beginning of training."""
     epochs: int = 20
-    batch_size: int = 128
+    batch_size: int = 32
     learning_rate: float = 4e-3
 
 
