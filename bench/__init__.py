@@ -46,7 +46,7 @@ def load(folder: str | Path) -> pd.DataFrame:
     """Returns every stored episode of a results folder in one long table.
 
     Columns: ``task``, ``method``, ``variant``, ``size``, ``demos``, ``seed``, ``split``,
-    ``physics``, ``controller``, ``start``, ``success``, ``diverged`` and ``steps``.
+    ``physics``, ``controller``, ``rule``, ``start``, ``success``, ``diverged`` and ``steps``.
 
     Raises:
         InputError: the folder holds no results.

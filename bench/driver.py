@@ -290,10 +290,10 @@ def evaluation_job(
     piece: _Piece, parameters: Parameters, controller: Parameters, threads: int
 ) -> list[Episodes]:
     """Returns what comes of the episodes of a piece."""
-    task = get_task(piece.cell.fit.task)
+    evaluation = piece.cell.evaluation
+    task = get_task(evaluation.task, evaluation.rule)
     policy = make_policy(piece.cell.fit, parameters, controller)
-    physics = piece.cell.evaluation.physics
-    return [rollout(task, piece.starts, policy, physics, threads=threads)]
+    return [rollout(task, piece.starts, policy, evaluation.physics, threads=threads)]
 
 
 def learnt(store: Store, cell: Cell) -> tuple[Parameters, Parameters]:

@@ -10,13 +10,14 @@ from functools import cached_property
 from typing import Any
 
 from bench.controller import ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED, ControllerConfig
+from bench.store import evaluation_name
 from methods.base import Method
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
 from tasks.errors import unknown_name
 from tasks.masses import NOMINAL, physics_names
-from tasks.registry import get_task
+from tasks.registry import APPENDIX, get_task
 from tasks.simulator import CHUNK
 
 EXPERT = "expert"
@@ -83,7 +84,7 @@ class Evaluation:
     """The conditions in which a fit is put to the test.
 
     Raises:
-        InputError: there is no such split, or no such physics.
+        InputError: there is no such split, physics or rule.
     """
 
     task: str
@@ -92,6 +93,8 @@ class Evaluation:
     controller: str = ORIGINAL
     """Name of what tracks a predicted motion; none for what acts by itself."""
     controller_key: str = ""
+    rule: str = APPENDIX
+    """By which success is judged."""
 
     def __post_init__(self) -> None:
         if self.split not in EVALUATION_SPLITS:
@@ -99,16 +102,17 @@ class Evaluation:
         known = physics_names(self.task)
         if self.physics not in known:
             raise unknown_name("physics", self.physics, known)
+        get_task(self.task, self.rule)
 
     @property
     def name(self) -> str:
         """The name of its file, without ending."""
-        return f"eval-{self.split}-{self.physics}-{self.controller}"
+        return evaluation_name(asdict(self))
 
     def key(self, fit: Fit) -> str:
         """Names what comes of a fit in these conditions."""
-        task = get_task(self.task)
-        rules = (task.version, task.model_hash, task.horizon, CHUNK)
+        task = get_task(self.task, self.rule)
+        rules = (task.version, task.model_hash, task.steps, CHUNK)
         return key("evaluation", fit.key, asdict(self), rules)
 
 

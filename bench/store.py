@@ -6,7 +6,7 @@ A results folder holds::
     cells/<label>-<key>/        one fit
         fit.json                what it is, times, host, versions, SHA-256 of the two below
         weights.safetensors     what it learnt; diagnostics.safetensors: what is worth a look
-        eval-<split>-<physics>-<controller>.parquet     one row an episode
+        eval-<split>-<physics>-<controller>-<rule>.parquet  one row an episode
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
     failures/                   why there is no result yet, one file each
     damaged/                    what did not pass its check, set aside
@@ -45,9 +45,16 @@ if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
 
 FORMAT = 1
 KEY_DIGITS = 12
+CONDITIONS = ("split", "physics", "controller", "rule")
+"""What tells the evaluations of a fit apart."""
 NUMBERS = ("demos", "seed")
 _SEAL = re.compile(rb"sha256:[0-9a-f]{64}")
 _UNSEALED = b"sha256:" + b"0" * 64
+
+
+def evaluation_name(conditions: Mapping[str, Any]) -> str:
+    """Returns the name of an evaluation's file, without ending."""
+    return "-".join(("eval", *(str(conditions[name]) for name in CONDITIONS)))
 
 
 class DamagedError(Exception):
@@ -255,9 +262,9 @@ class Store:
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """Returns start, success, diverged and steps of each episode of a row of `frame`."""
-        name = "eval-{split}-{physics}-{controller}.parquet".format(**row)
+        path = self.cells / row["folder"] / f"{evaluation_name(row)}.parquet"
         columns = ["start", "success", "diverged", "steps"]
-        frame: pd.DataFrame = pd.read_parquet(self.cells / row["folder"] / name, columns=columns)
+        frame: pd.DataFrame = pd.read_parquet(path, columns=columns)
         return frame
 
     # Failures
@@ -370,8 +377,7 @@ class Source(Protocol):
 
 def episodes_table(source: Source) -> pd.DataFrame:
     """Returns all that `Store.outcomes` returns, under the names of `frame`, see `bench.load`."""
-    names = ["task", "method", "variant", "size", "demos", "seed"]
-    names += ["split", "physics", "controller"]
+    names = ["task", "method", "variant", "size", "demos", "seed", *CONDITIONS]
     frame = source.frame()
     if frame.empty:
         return pd.DataFrame(columns=[*names, "start", "success", "diverged", "steps"])
@@ -421,11 +427,10 @@ def _labels(table: pa.Table) -> dict[str, str]:
 
 
 def _row(folder: Path, record: Mapping[str, Any], table: pa.Table) -> dict[str, Any]:
-    conditions = ("split", "physics", "controller", "controller_key")
     labels = _labels(table)
     return (
         record["spec"]
-        | {name: labels[name] for name in conditions}
+        | {name: labels[name] for name in (*CONDITIONS, "controller_key")}
         | {
             "episodes": table.num_rows,
             "successes": int(np.sum(table["success"].to_numpy())),

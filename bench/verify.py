@@ -13,7 +13,7 @@ from bench.backend import Workers
 from bench.controller import NO_CONTROLLER, ControllerConfig
 from bench.driver import run_cells
 from bench.spec import Cell, ControllerSpec, Evaluation, Fit
-from bench.store import Store
+from bench.store import CONDITIONS, Store
 from tasks.data import generator
 from tasks.demos import demos_key
 from tasks.errors import InputError
@@ -99,7 +99,7 @@ def stored_cell(store: Store, row: Mapping[str, Any], episodes: int) -> Cell:
             f"{fit.label} learnt from other demonstrations than this installation makes: of"
             " another expert, task or version of MuJoCo"
         )
-    conditions = {"split", "physics", "controller", "controller_key"}
+    conditions = (*CONDITIONS, "controller_key")
     evaluation = Evaluation(fit.task, **{name: row[name] for name in conditions})
     controller = None
     if evaluation.controller != NO_CONTROLLER:

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file, save_file
 
-from bench.store import Source, Store
+from bench.store import CONDITIONS, Source, Store
 from methods.base import Parameters
 from tasks.errors import InputError
 
@@ -84,8 +84,8 @@ class Packed:
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """See `bench.store.Store.outcomes`."""
-        place = self._places[row["folder"], row["split"], row["physics"], row["controller"]]
-        return self._episodes[place].reset_index(drop=True)
+        place = tuple(row[name] for name in ("folder", *CONDITIONS))
+        return self._episodes[self._places[place]].reset_index(drop=True)
 
     def diagnostics(self, folder: str) -> Parameters:
         """See `bench.store.Store.diagnostics`."""
@@ -116,7 +116,7 @@ class Packed:
     @cached_property
     def _places(self) -> dict[tuple[str, ...], int]:
         frame = self._evaluations
-        columns = (frame[name] for name in ("folder", "split", "physics", "controller"))
+        columns = (frame[name] for name in ("folder", *CONDITIONS))
         return {place: row for row, place in enumerate(zip(*columns, strict=True))}
 
     @cached_property

@@ -16,6 +16,7 @@ from reports.stats import rate_interval
 from reports.style import TASKS, ordered
 from tasks.data import BoolArray
 from tasks.errors import InputError
+from tasks.registry import APPENDIX
 
 SIZES = ("small", "median", "large")
 
@@ -107,10 +108,10 @@ class Results:
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values.
 
-        Unless told: of nominal physics, of the methods as described, and not with the controllers
-        that `audit` alone tries.
+        Unless told: of nominal physics, of the methods as described, judged by appendix C, and not
+        with the controllers that `audit` alone tries.
         """
-        wanted = {"variant": "described", "physics": "nominal"} | values
+        wanted = {"variant": "described", "physics": "nominal", "rule": APPENDIX} | values
         frame = self.frame
         if frame.empty:
             return pd.DataFrame(columns=["task", "method", "size", "demos", *wanted])

@@ -22,6 +22,7 @@ MODULES = (
     "table_12",
     "efficiency",
     "audit",
+    "audit_success",
     "audit_appendix_i",
 )
 """One file each, in the order of the page."""

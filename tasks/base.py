@@ -74,6 +74,11 @@ class Task(ABC):
     sensors: ClassVar[tuple[str, ...]] = ()
     """The sensors that the observation reads; the model's others are left out."""
 
+    @property
+    def steps(self) -> int:
+        """Control steps after which an episode is judged, T - 1."""
+        return self.horizon - 1
+
     @cached_property
     def model_path(self) -> Path:
         """Where gymnasium-robotics keeps the model, found without importing that package.

@@ -18,16 +18,31 @@ _CLASSES = {
     "reorientation": "Reorientation",
 }
 TASKS = tuple(_CLASSES)
+APPENDIX, PUBLISHED = "appendix", "published"
+"""Whose rule decides on success: appendix C's, or that of the published code."""
+JUDGED_OTHERWISE = {"tool": "PublishedTool", "reorientation": "PublishedReorientation"}
+"""The tasks whose success the published code judges by another rule than appendix C."""
 
 
-@cache
-def get_task(name: str) -> Task:
-    """Returns the task of that name.
+def get_task(name: str, rule: str = APPENDIX) -> Task:
+    """Returns the task of that name, with success judged by that rule.
 
     Raises:
-        InputError: there is no such task.
+        InputError: there is no such task, or the rule is not one of `rules`.
     """
     if name not in _CLASSES:
         raise unknown_name("task", name, TASKS)
-    task: Task = getattr(import_module(f"tasks.{name}"), _CLASSES[name])()
+    if rule not in rules(name):
+        raise unknown_name(f"rule of {name}", rule, rules(name))
+    return _made(name, _CLASSES[name] if rule == APPENDIX else JUDGED_OTHERWISE[name])
+
+
+def rules(name: str) -> tuple[str, ...]:
+    """Returns the rules by which the success of a task can be judged."""
+    return (APPENDIX, PUBLISHED) if name in JUDGED_OTHERWISE else (APPENDIX,)
+
+
+@cache
+def _made(name: str, kind: str) -> Task:
+    task: Task = getattr(import_module(f"tasks.{name}"), kind)()
     return task

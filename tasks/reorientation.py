@@ -12,6 +12,12 @@ SIMILARITY = 0.90
 """Cosine between pen and goal above which the pen counts as oriented (appendix C)."""
 STEPS_ORIENTED = 10
 """The pen must be oriented for more than this many steps (appendix C)."""
+PUBLISHED_SPEED = 1.0
+"""Mean magnitude of the pen's velocities [m/s, rad/s] that the published code allows at the end."""
+PUBLISHED_DROP = 0.15
+"""Height between the pen and its place [m] beyond which it counts as dropped there."""
+UNSETTLED = 4.0
+"""Taken from the cosine of a pen that is dropped or too fast, so that one reading tells both."""
 
 
 class Reorientation(Task):
@@ -101,6 +107,35 @@ class Reorientation(Task):
         return np.concatenate(
             [hand, position, velocities, pen, goal, from_place, pen - goal], axis=1
         )
+
+
+class PublishedReorientation(Reorientation):
+    """In-hand reorientation as the published code judges it."""
+
+    rule = (
+        f"{Reorientation.rule}; and after the last, the pen's velocities are below 1 in the mean"
+        " and it is within 0.15 m of its height"
+    )
+
+    def read(self, batch: Batch) -> FloatArray:
+        """Returns the cosine, less `UNSETTLED` where the pen is dropped or too fast, (B,)."""
+        height = batch.body("Object").xpos[:, 2] - batch.site("eps_ball").xpos[:, 2]
+        speed = np.abs(batch.qvel[:, -OBJECT_JOINTS:]).mean(axis=1)
+        unsettled = (np.abs(height) > PUBLISHED_DROP) | ~(speed < PUBLISHED_SPEED)
+        return super().read(batch) - UNSETTLED * unsettled
+
+    def success(self, readings: FloatArray) -> BoolArray:
+        """Returns whether it was oriented for long enough, and is settled at the end, (B,)."""
+        return super().success(readings) & (readings[:, -1] > -UNSETTLED / 2)
+
+    def decided(self, readings: FloatArray, left: int) -> BoolArray:
+        """Returns whether the episode has ended, or can no longer succeed, (B,)."""
+        hopeless = self._steps_oriented(readings) + left <= STEPS_ORIENTED
+        return hopeless | (left == 0)
+
+    def _steps_oriented(self, readings: FloatArray) -> IntArray:
+        settled = readings > -UNSETTLED / 2
+        return super()._steps_oriented(np.where(settled, readings, readings + UNSETTLED))
 
 
 def goal_frame(goal: FloatArray) -> FloatArray:

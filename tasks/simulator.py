@@ -161,7 +161,7 @@ def rollout(
         starts: where the B episodes begin.
         policy: what gives the actions.
         physics: name of a variation of appendix I.
-        steps: control steps; T - 1 unless told.
+        steps: control steps; the task's unless told.
         chunk: episodes that the policy sees together.
         threads: how many to step on; 0 for one on each core.
         whole: simulate decided episodes to their end.
@@ -169,7 +169,7 @@ def rollout(
     Raises:
         InputError: see Simulator; or steps or chunk is below 1.
     """
-    steps = task.horizon - 1 if steps is None else steps
+    steps = task.steps if steps is None else steps
     for name, value in (("steps", steps), ("chunk", chunk)):
         if value < 1:
             raise InputError(f"{name} must be 1 or more, got {value}")

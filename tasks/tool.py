@@ -8,6 +8,8 @@ from tasks.data import BoolArray, FloatArray, IntArray
 
 NAIL_DISTANCE = 0.01
 """Distance from nail to goal below which the nail counts as driven in [m] (appendix C)."""
+PUBLISHED_STEPS = 30
+"""Control steps after which the published code judges an episode."""
 CONTACT_MARGIN = 0.01
 """Added to the bounding spheres that decide whether something may touch the nail [m]."""
 
@@ -73,6 +75,17 @@ class Tool(Task):
         return np.concatenate(
             [hand_and_nail, velocities, palm, hammer, angles, nail, impact], axis=1
         )
+
+
+class PublishedTool(Tool):
+    """Tool use as the published code judges it: after the 31st of the T states."""
+
+    rule = "the nail is closer than 0.01 m to its goal after 30 steps"
+
+    @property
+    def steps(self) -> int:
+        """Control steps after which an episode is judged."""
+        return PUBLISHED_STEPS
 
 
 def _velocities(batch: Batch) -> FloatArray:

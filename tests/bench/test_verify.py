@@ -16,7 +16,7 @@ def test_results_of_this_machine_are_found_again(task, smoke, bench, tmp_path):
     assert {one["verdict"] for one in found} == {"identical"}
     assert {one["episodes"] for one in found} == {2, 20}
     code, said, _ = bench(*options, "--episodes", "4")
-    assert "identical: door-expert eval-ood-nominal-none: 2 of 4 stored, 2 again" in said
+    assert "identical: door-expert eval-ood-nominal-none-appendix: 2 of 4 stored, 2 again" in said
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -25,7 +25,10 @@ def test_results_that_are_not_found_again_are_named(task, smoke, bench, tmp_path
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
-    assert "outside the interval: door-expert eval-ood-nominal-none: 13 of 20 stored, 0 ag" in said
+    assert (
+        "outside the interval: door-expert eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag"
+        in said
+    )
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

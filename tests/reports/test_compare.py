@@ -19,7 +19,13 @@ class Rates(Results):
 
     frame = pd.DataFrame(
         [
-            {"method": m, "variant": "described", "physics": "nominal", "controller": c}
+            {
+                "method": m,
+                "variant": "described",
+                "physics": "nominal",
+                "controller": c,
+                "rule": "appendix",
+            }
             for m, c in zip(RATES, ("original", "original", "original", "none"), strict=True)
         ]
     )

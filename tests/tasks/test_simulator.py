@@ -3,7 +3,8 @@ import pytest
 
 from tasks.data import FloatArray, generator
 from tasks.errors import InputError
-from tasks.registry import get_task
+from tasks.experts import load_expert
+from tasks.registry import PUBLISHED, TASKS, get_task, rules
 from tasks.simulator import Simulator, rollout
 
 EPISODES = 20
@@ -15,6 +16,12 @@ def own_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     yield
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(params=[(name, rule) for name in TASKS for rule in rules(name)], ids="-".join)
+def judged(request):
+    """A task under each rule of success."""
+    return get_task(*request.param)
 
 
 class Broken:
@@ -60,23 +67,27 @@ def test_stopped_episodes_keep_their_state_and_leave_the_others_alone(task, rand
     np.testing.assert_array_equal(some_run.state()[~run], before[~run])
 
 
-def test_an_episode_ends_once_it_is_decided_and_comes_out_the_same(task, random_replay):
+def test_an_episode_ends_once_it_is_decided_and_comes_out_the_same(judged, random_replay):
+    task = judged
     starts, policy = task.sample("test", EPISODES), random_replay(task, EPISODES)
     whole = rollout(task, starts, policy, whole=True)
     ended = rollout(task, starts, policy)
     np.testing.assert_array_equal(ended.success, whole.success)
-    assert (whole.steps == task.horizon - 1).all()
+    assert (whole.steps == task.steps).all()
     counted = task.name in ("relocation", "reorientation")
     assert (ended.steps < whole.steps).any() == counted
-    there = np.arange(task.horizon - 1) < ended.steps[:, None]
+    there = np.arange(task.steps) < ended.steps[:, None]
     np.testing.assert_array_equal(ended.readings[there], whole.readings[there])
     assert np.isnan(ended.readings[~there]).all()
 
 
-def test_success_is_decided_when_no_readings_to_come_change_it(task):
+def test_success_is_decided_when_no_readings_to_come_change_it(judged):
+    task = judged
     rng = generator("decided", task.name)
     low, high = {"relocation": (0.08, 0.12), "reorientation": (0.88, 0.92)}.get(task.name, (0, 2))
     readings = rng.uniform(low, high, (50, 30))
+    if judged.name == "reorientation":
+        readings[:25] -= 4.0 * rng.integers(0, 2, (25, 30))  # what a pen reads that is not settled
     for taken in range(1, 31):
         ends = [readings.copy() for _ in range(2)]
         for end, value in zip(ends, (-1e6, 1e6), strict=True):
@@ -182,3 +193,33 @@ def test_starts_are_checked_before_anything_runs(task):
 def test_a_rollout_of_nothing_is_refused(task, argument):
     with pytest.raises(InputError, match=f"{argument} must be 1 or more, got 0"):
         rollout(task, task.sample("test", 1), Broken(task, [], 0), **{argument: 0})
+
+
+def test_tool_as_published_is_the_same_motion_judged_after_30_steps():
+    task = get_task("tool")
+    starts, expert = task.sample("probe", 20), load_expert(task).policy
+    whole = rollout(task, starts, expert)
+    early = rollout(get_task("tool", PUBLISHED), starts, expert)
+    np.testing.assert_array_equal(early.readings, whole.readings[:, :30])
+    np.testing.assert_array_equal(early.success, whole.readings[:, 29] < 0.01)
+
+
+def test_reorientation_as_published_also_asks_that_the_pen_is_held_and_slow():
+    task = get_task("reorientation", PUBLISHED)
+    starts, expert = task.sample("ood", 60), load_expert(task).policy
+    simulator, aligned = Simulator(task, starts), []
+    expert.reset(simulator)
+    for step in range(99):
+        simulator.step(expert.act(simulator, step))
+        aligned.append(get_task("reorientation").read(simulator.batch) > 0.9)
+    slow = np.abs(simulator.batch.qvel[:, 24:30]).mean(axis=1) < 1.0
+    height = simulator.batch.body("Object").xpos - simulator.batch.site("eps_ball").xpos
+    held = np.abs(height[:, 2]) <= 0.15
+    expected = (np.sum(aligned, axis=0) > 10) & slow & held
+    np.testing.assert_array_equal(rollout(task, starts, expert).success, expected)
+    assert (np.sum(aligned, axis=0) > 10).sum() > expected.sum() > 0
+
+
+def test_an_unknown_rule_is_refused():
+    with pytest.raises(InputError, match="door"):
+        get_task("door", PUBLISHED)

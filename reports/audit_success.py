@@ -1,0 +1,36 @@
+"""Audit of appendix C: the same motions, judged as the published code judges them."""
+
+import pandas as pd
+
+from reports.exhibit import Exhibit, in_order, success_table
+from reports.results import Results
+from reports.style import METHODS
+from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, rules
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each method, and a column for each task and rule of success."""
+    parts = []
+    for task in JUDGED_OTHERWISE:
+        otherwise = results.main(task=task, split="test", rule=PUBLISHED)
+        if len(otherwise):
+            appendix = results.main(task=task, split="test")
+            parts += [results.first(appendix, int(otherwise.episodes.max())), otherwise]
+    if not parts:
+        return pd.DataFrame(columns=["row", "column", "value"])
+    found = pd.concat(parts)
+    label = found.task + " " + found.rule
+    columns = [f"{task} {rule}" for task in JUDGED_OTHERWISE for rule in rules(task)]
+    return in_order(success_table(found.assign(label=label), "method", "label"), METHODS, columns)
+
+
+EXHIBIT = Exhibit(
+    name="audit_success",
+    title="Audit of appendix C: when an episode succeeds",
+    about=(
+        "Success [%] on the same unseen starts, judged by appendix C and by the rule of the"
+        " published code: tool after 30 control steps instead of 99; in reorientation the pen must"
+        " also be held and slow after the last step."
+    ),
+    table=table,
+)
