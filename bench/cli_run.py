@@ -64,6 +64,16 @@ def run(
         raise typer.Exit(SOME_FAILED)
 
 
+def time(
+    folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
+) -> None:
+    """Measure how long its fits take, one at a time; leave the machine alone meanwhile."""
+    from bench.timing import time_fits
+
+    timed = time_fits(folder, lambda line: print(line, flush=True))
+    print(f"{timed} fits timed in {folder}")
+
+
 def plan(
     preset: Preset,
     out: Annotated[Path, typer.Option(help="Results folder, which may hold some already.")],

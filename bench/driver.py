@@ -161,7 +161,11 @@ class _Runner:
             "fits",
             fit_job,
             seed_blocks(fit for fit in missing if fit.method != EXPERT),
-            lambda fits: (fits, _training(fits[0].task, fits[0].demos), _validation(fits[0].task)),
+            lambda fits: (
+                fits,
+                training_demos(fits[0].task, fits[0].demos),
+                validation_demos(fits[0].task),
+            ),
             lambda fit, result: self.store.add_fit(fit, result[0], result[1], _facts(result[2])),
         )
 
@@ -341,11 +345,13 @@ def _demos_at(path: Path, task: str) -> Demos:
     return load_demos(get_task(task))
 
 
-def _training(task: str, n: int) -> Demos:
+def training_demos(task: str, n: int) -> Demos:
+    """Returns the first n training demonstrations of a task, made if need be."""
     return _demos(task)[:n]
 
 
-def _validation(task: str) -> Demos:
+def validation_demos(task: str) -> Demos:
+    """Returns the validation demonstrations of a task, made if need be."""
     return _demos(task)[TRAINING:]
 
 
@@ -355,9 +361,9 @@ def _controller_demos(spec: ControllerSpec) -> Demos:
     if spec.physics != NOMINAL:
         starts = task.sample("demo", spec.demos)
     elif spec.raw:
-        starts = _training(spec.task, spec.demos).starts
+        starts = training_demos(spec.task, spec.demos).starts
     else:
-        return _training(spec.task, spec.demos)
+        return training_demos(spec.task, spec.demos)
     expert = load_expert(task).policy
     return record(task, starts, expert, spec.physics, failures=spec.failures, raw=spec.raw)[1]
 
@@ -365,7 +371,7 @@ def _controller_demos(spec: ControllerSpec) -> Demos:
 def _starts(evaluation: Evaluation, episodes: int) -> Starts:
     """The first starts of an evaluation; there are as many validation starts as demonstrations."""
     if evaluation.split == VALIDATION:
-        return _validation(evaluation.task).starts[:episodes]
+        return validation_demos(evaluation.task).starts[:episodes]
     return get_task(evaluation.task).sample(evaluation.split, episodes)
 
 

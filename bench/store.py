@@ -7,6 +7,7 @@ A results folder holds::
         fit.json                what it is, times, host, versions, SHA-256 of the two below
         weights.safetensors     what it learnt; diagnostics.safetensors: what is worth a look
         eval-<split>-<physics>-<controller>-<rule>.parquet  one row an episode
+        times.json              how long the fit takes with the machine to itself
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
     failures/                   why there is no result yet, one file each
     damaged/                    what did not pass its check, set aside
@@ -23,9 +24,10 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -107,6 +109,12 @@ class Store:
     def facts(self, folder: str) -> dict[str, Any]:
         """Returns times, host and versions of the fit in a folder that `frame` names."""
         return dict(json.loads((self.cells / folder / "fit.json").read_bytes())["facts"])
+
+    def add_times(self, row: Mapping[str, Any], seconds: Sequence[float]) -> None:
+        """Stores how long the fit of a row of `frame` takes with the machine to itself."""
+        record = {"folder": row["folder"], "seconds": list(seconds)}
+        sealed = json.dumps(record | {"self": _digest(record)}, indent=2).encode()
+        self.write(self.cells / row["folder"] / "times.json", sealed)
 
     # Controllers
     def has_controller(self, controller: ControllerSpec) -> bool:
@@ -240,7 +248,7 @@ class Store:
         """Returns one row for each evaluation that was asked for and is there.
 
         Columns: the fields of `Fit` and `Evaluation`, and ``episodes``, ``successes``,
-        ``diverged``, ``fit_seconds``, ``folder``.
+        ``diverged``, ``fit_seconds`` (NaN unless `bench time` measured them), ``folder``.
 
         Raises:
             InputError: the folder holds no results.
@@ -250,10 +258,11 @@ class Store:
         for label, entry in sorted(self.study().items()):
             folder = self.cells / folder_name(label, entry["key"])
             record = self._record(folder, entry["key"])
+            times = self._unless_damaged(folder / "times.json", partial(_read_times, folder))
             for name, key in sorted(entry["evaluations"].items()) if record else ():
                 table = self._table(folder / f"{name}.parquet", entry["key"])
                 if record and table is not None and _labels(table)["key"] == key:
-                    rows.append(_row(folder, record, table))
+                    rows.append(_row(folder, record, times, table))
         return pd.DataFrame(rows)
 
     def _require_results(self) -> None:
@@ -408,6 +417,17 @@ def _read_record(folder: Path, key: str) -> dict[str, Any]:
     return record
 
 
+def _read_times(folder: Path) -> list[float]:
+    """Returns the seconds of times.json once it has been checked."""
+    try:
+        record = dict(json.loads((folder / "times.json").read_bytes()))
+        _check(record.pop("self") == _digest(record), "its content")
+        _check(record["folder"] == folder.name, "its place")
+        return [float(seconds) for seconds in record["seconds"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DamagedError(f"it cannot be read ({error})") from error
+
+
 def _read_table(path: Path, fit_key: str) -> pa.Table:
     """Returns stored episodes once their content has been checked."""
     try:
@@ -426,7 +446,9 @@ def _labels(table: pa.Table) -> dict[str, str]:
     return {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
 
 
-def _row(folder: Path, record: Mapping[str, Any], table: pa.Table) -> dict[str, Any]:
+def _row(
+    folder: Path, record: Mapping[str, Any], times: list[float] | None, table: pa.Table
+) -> dict[str, Any]:
     labels = _labels(table)
     return (
         record["spec"]
@@ -435,7 +457,7 @@ def _row(folder: Path, record: Mapping[str, Any], table: pa.Table) -> dict[str, 
             "episodes": table.num_rows,
             "successes": int(np.sum(table["success"].to_numpy())),
             "diverged": int(np.sum(table["diverged"].to_numpy())),
-            "fit_seconds": record["facts"].get("seconds", np.nan),
+            "fit_seconds": np.median(times) if times else np.nan,
             "folder": folder.name,
         }
     )

@@ -93,12 +93,7 @@ def stored_cell(store: Store, row: Mapping[str, Any], episodes: int) -> Cell:
     Raises:
         InputError: it is from other demonstrations than this installation makes.
     """
-    fit = Fit(**{field.name: row[field.name] for field in fields(Fit)})
-    if fit.recipe != demos_key(get_task(fit.task)):
-        raise InputError(
-            f"{fit.label} learnt from other demonstrations than this installation makes: of"
-            " another expert, task or version of MuJoCo"
-        )
+    fit = stored_fit(row)
     conditions = (*CONDITIONS, "controller_key")
     evaluation = Evaluation(fit.task, **{name: row[name] for name in conditions})
     controller = None
@@ -107,3 +102,18 @@ def stored_cell(store: Store, row: Mapping[str, Any], episodes: int) -> Cell:
         config = spec["config"] | {"hidden": tuple(spec["config"]["hidden"])}
         controller = ControllerSpec(**(spec | {"config": ControllerConfig(**config)}))
     return Cell(fit, evaluation, min(episodes, row["episodes"]), controller)
+
+
+def stored_fit(row: Mapping[str, Any]) -> Fit:
+    """Returns the fit of a row of `Store.frame`.
+
+    Raises:
+        InputError: it is from other demonstrations than this installation makes.
+    """
+    fit = Fit(**{field.name: row[field.name] for field in fields(Fit)})
+    if fit.recipe != demos_key(get_task(fit.task)):
+        raise InputError(
+            f"{fit.label} learnt from other demonstrations than this installation makes: of"
+            " another expert, task or version of MuJoCo"
+        )
+    return fit

@@ -11,26 +11,40 @@ from reports.style import METHODS, TASKS, colour, display, ordered
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = results.select(split="test")
+    found = results.chosen(split="test")
     found = found[(found.method != "expert")]
     if found.empty or found.demos.nunique() < 2:
         return pd.DataFrame(columns=["row", "column", "value"])
-    success = rates(found, ["method", "demos", "task"])
-    order = {name: place for place, name in enumerate(ordered(success.method, METHODS))}
-    success = success.sort_values(["method", "demos"], key=lambda c: c.map(order).fillna(c))
-    label = success.method + " " + success.demos.astype(str)
-    return success.assign(row=label).rename(columns={"task": "column"})
+    return in_rows(rates(found, ["method", "demos", "task"]))
+
+
+def in_rows(found: pd.DataFrame) -> pd.DataFrame:
+    """Returns values by method, demos and task as rows and columns of an exhibit, in order."""
+    order = {name: place for place, name in enumerate(ordered(found.method, METHODS))}
+    found = found.sort_values(["method", "demos"], key=lambda c: c.map(order).fillna(c))
+    label = found.method + " " + found.demos.astype(str)
+    return found.assign(row=label).rename(columns={"task": "column"})
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns one panel a task, one line a method, with intervals."""
+    drawing = draw_lines(table, exhibit.axis)
+    for axes in drawing.axes:
+        axes.set_ylim(0, 105)
+    return drawing
+
+
+def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
+    """Returns one panel a task, one line a method, with intervals where there are any."""
     tasks = [task for task in TASKS if task in set(table.column)]
     drawing = Figure(figsize=(2.5 * len(tasks) + 0.8, 2.9), layout="constrained")
     panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
     for axes, task in zip(panels, tasks, strict=True):
         for place, method in enumerate(table.method.drop_duplicates()):
             part = table[(table.column == task) & (table.method == method)]
-            errors = np.maximum([part.value - part.low, part.high - part.value], 0)
+            errors = None
+            if "low" in part:
+                errors = np.maximum([part.value - part.low, part.high - part.value], 0)
             axes.errorbar(
                 part.demos,
                 part.value,
@@ -42,8 +56,8 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 color=colour(method, place),
                 label=display(method),
             )
-        axes.set(title=display(task), xlabel="demonstrations", ylim=(0, 105))
-    panels[0].set_ylabel("success [%]")
+        axes.set(title=display(task), xlabel="demonstrations")
+    panels[0].set_ylabel(axis)
     drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
     return drawing
 

@@ -121,15 +121,17 @@ class Results:
         return frame[keep]
 
     def main(self, **values: object) -> pd.DataFrame:
-        """Returns the evaluations of the experiments after `sizes`.
+        """Returns the evaluations of `chosen` on the most demonstrations that a method has seen."""
+        found = self.chosen(**values)
+        if found.empty:
+            return found
+        return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]
 
-        That is, of each method at its chosen size on the most demonstrations that it has seen.
-        """
+    def chosen(self, **values: object) -> pd.DataFrame:
+        """Returns the evaluations with these values of each method at its chosen size."""
         found = self.select(**values)
         if found.empty:
             return found
-        most = found.groupby(["task", "method"]).demos.transform("max")
-        found = found[found.demos == most]
         best = [self._best_size(part) for _, part in found.groupby(["task", "method"])]
         return found[found["size"] == pd.concat(best).reindex(found.index)]
 

@@ -21,6 +21,7 @@ MODULES = (
     "figure_7",
     "table_12",
     "efficiency",
+    "efficiency_time",
     "audit",
     "audit_success",
     "audit_appendix_i",

@@ -104,10 +104,7 @@ class TestInProcess:
         code, said, _ = bench("merge", str(a), str(b), str(c), "--out", str(tmp_path / "out"))
         assert (code, said) == (0, f"2 fits in {tmp_path / 'out'}\n")
         assert files_of(tmp_path / "out") == files_of(whole)
-        pd.testing.assert_frame_equal(
-            Store(tmp_path / "out").frame().drop(columns="fit_seconds"),
-            Store(whole).frame().drop(columns="fit_seconds"),
-        )
+        pd.testing.assert_frame_equal(Store(tmp_path / "out").frame(), Store(whole).frame())
 
     def test_what_was_not_run_alike_is_not_merged(self, task, smoke, bench, tmp_path):
         for name, value in (("a", 1), ("b", 2)):
@@ -224,6 +221,17 @@ class TestInProcess:
         tables = tmp_path / "report/tables"
         assert "kodex unclipped,door" in (tables / "audit.csv").read_text()
         assert "door heavy_palm,kodex" in (tables / "audit_appendix_i.csv").read_text()
+
+    def test_fits_are_timed_once_and_apart_from_the_run(self, task, smoke, bench, tmp_path):
+        bench("run", "smoke", "--methods", "kodex,nn", "--out", str(tmp_path), "--jobs", "1")
+        assert Store(tmp_path).frame().fit_seconds.isna().all()
+        code, said, _ = bench("time", str(tmp_path))
+        assert code == 0
+        assert said.startswith("door-kodex-described-single-n6-s0: ")
+        assert "2 fits timed" in said
+        frame = Store(tmp_path).frame()
+        assert (frame[frame.method != "expert"].fit_seconds > 0).all()
+        assert "0 fits timed" in bench("time", str(tmp_path))[1]
 
     def test_a_report_is_of_one_thing(self, task, smoke, bench, tmp_path):
         for options in ((), (str(tmp_path), "--reference")):

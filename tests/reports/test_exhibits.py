@@ -76,6 +76,7 @@ EXPECTED = {
     "figure_6": (8, 4),
     "figure_6_time": (4, 4),
     "efficiency": (5 * 6, 4),
+    "efficiency_time": (5 * 6, 4),
 }
 
 

@@ -1,0 +1,61 @@
+"""How long fits take with the machine to themselves: never read off a run, whose jobs share it."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+from bench.driver import training_demos, validation_demos
+from bench.spec import EXPERT, VALIDATION, Fit
+from bench.store import Store
+from bench.verify import stored_fit
+from methods.kodex import LIFTING_VARIANTS
+
+REPEATS = 3
+EPOCHS_SHARE = 0.05
+"""Share of its epochs over which a network is timed: they all do the same work."""
+
+
+def time_fits(folder: Path, report: Callable[[str], None]) -> int:
+    """Times the stored fits whose times exhibits show, one after the other; returns how many.
+
+    Of a method's seeds the first is timed. Fits whose times are stored are left out.
+
+    Args:
+        folder: of `bench run`.
+        report: is told the label and the seconds of each.
+
+    Raises:
+        InputError: there are no results, they are from other demonstrations than this installation
+            makes, or another run writes to the folder.
+    """
+    store = Store(folder)
+    with store.locked():
+        frame = store.frame()
+        shown = frame[
+            (frame.split != VALIDATION)
+            & (frame.method != EXPERT)
+            & frame.variant.isin(["described", *LIFTING_VARIANTS])
+        ]
+        group = ["task", "method", "variant", "size", "demos"]
+        firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
+        missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
+        for row in missing:
+            fit = stored_fit(row)
+            seconds = [time_fit(fit) for _ in range(REPEATS)]
+            store.add_times(row, seconds)
+            report(f"{fit.label}: {median(seconds):.3g} s")
+    return len(missing)
+
+
+def time_fit(fit: Fit) -> float:
+    """Returns the seconds that a fit takes; of a network, from a share of its epochs."""
+    epochs = fit.config.get("epochs", 1)
+    timed = max(1, round(EPOCHS_SHARE * epochs))
+    config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
+    method = replace(fit, config=config).build()
+    demos, validation = training_demos(fit.task, fit.demos), validation_demos(fit.task)
+    began = time.perf_counter()
+    type(method).fit_seeds(method.config, method.layout, demos, validation, [fit.seed])
+    return (time.perf_counter() - began) * epochs / timed
