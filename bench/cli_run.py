@@ -101,7 +101,8 @@ def plan(
         print(
             "{cells} cells; missing: {missing_controllers} controllers, {missing_fits} fits,"
             " {missing_evaluations} evaluations of {missing_episodes:,} episodes\n"
-            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs} jobs;"
+            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs} jobs"
+            " and never below {longest_hours:.1f};"
             " {memory_gib:.1f} GiB of memory; {disk_gib:.2f} GiB of disk, {free_gib:.0f} free"
             "".format(**asdict(made), jobs=count)
         )

@@ -5,6 +5,7 @@ expert's episodes of each task (a hand that rests touches nothing, and takes hal
 each method and size the fit of a few demonstrations for an epoch or two.
 """
 
+import heapq
 import os
 import shutil
 from collections.abc import Sequence
@@ -18,13 +19,13 @@ import numpy as np
 from bench.controller import ControllerConfig, train_controller
 from bench.experiments import cells_of
 from bench.presets import Study
-from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
 from bench.store import Store
 from tasks import demos
 from tasks.data import Demos, Starts, generator
 from tasks.errors import InputError
 from tasks.experts import load_expert
-from tasks.registry import get_task
+from tasks.registry import APPENDIX, get_task
 from tasks.simulator import rollout
 
 BYTES_PER_STEP = 4
@@ -52,7 +53,9 @@ class Plan:
     cpu_hours: float
     """Of one core, by the calibration."""
     wall_hours: float
-    """With as many jobs as the run will have."""
+    """With as many jobs as the run will have, each taking the next cell once it is free."""
+    longest_hours: float
+    """What the longest jobs of the rounds take, one after the other: more jobs do not help."""
     memory_gib: float
     disk_gib: float
     free_gib: float
@@ -81,11 +84,12 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     learning = [fit for fit in fits.values() if not store.has_fit(fit)]
     tracking = [spec for spec in controllers.values() if not store.has_controller(spec)]
     episodes = {i: missing for i, cell in enumerate(cells) if (missing := _missing(store, cell))}
-    seconds = (
-        sum(fits_seconds(fits) for fits in seed_blocks(learning))
-        + sum(controller_seconds(spec) for spec in tracking)
-        + sum(count * episode_seconds(cells[i].fit.task) for i, count in episodes.items())
-    )
+    # A round begins when the one before has ended.
+    rounds = [
+        [controller_seconds(spec) for spec in tracking],
+        [fits_seconds(fits) for fits in seed_blocks(learning)],
+        [count * episode_seconds(cells[i].evaluation) for i, count in episodes.items()],
+    ]
     size = BYTES_PER_FIT * len(learning) + BYTES_PER_STEP * sum(
         count * get_task(cells[i].fit.task).horizon for i, count in episodes.items()
     )
@@ -95,12 +99,21 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
         missing_fits=len(learning),
         missing_evaluations=len(episodes),
         missing_episodes=sum(episodes.values()),
-        cpu_hours=seconds / 3600,
-        wall_hours=seconds / jobs / 3600,
+        cpu_hours=sum(map(sum, rounds)) / 3600,
+        wall_hours=sum(schedule(seconds, jobs) for seconds in rounds) / 3600,
+        longest_hours=sum(max(seconds, default=0.0) for seconds in rounds) / 3600,
         memory_gib=GIB_PER_JOB * jobs,
         disk_gib=size / 2**30,
         free_gib=free_disk(folder)[1],
     )
+
+
+def schedule(seconds: Sequence[float], jobs: int) -> float:
+    """Returns when the last job ends if each begins, in order, as soon as a place is free."""
+    ends = [0.0] * jobs
+    for took in seconds:
+        heapq.heapreplace(ends, ends[0] + took)
+    return max(ends)
 
 
 def free_disk(folder: Path) -> tuple[Path, float]:
@@ -124,14 +137,19 @@ def _missing(store: Store, cell: Cell) -> int:
 
 
 # Calibration
-@cache
-def episode_seconds(task_name: str) -> float:
+def episode_seconds(evaluation: Evaluation) -> float:
     """Returns the seconds of one core that an episode takes, measured on a few of the expert's."""
-    task = get_task(task_name)
+    decided = DECIDED.get(evaluation.task, 1.0) if evaluation.rule == APPENDIX else 1.0
+    return decided * _whole_episode_seconds(evaluation.task, evaluation.rule)
+
+
+@cache
+def _whole_episode_seconds(task_name: str, rule: str) -> float:
+    task = get_task(task_name, rule)
     starts, expert = task.sample("train", _EPISODES), load_expert(task).policy
     began = perf_counter()
     rollout(task, starts, expert, threads=1, whole=True)
-    return DECIDED.get(task_name, 1.0) * (perf_counter() - began) / _EPISODES
+    return (perf_counter() - began) / _EPISODES
 
 
 def fits_seconds(fits: Sequence[Fit]) -> float:

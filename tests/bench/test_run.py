@@ -12,6 +12,7 @@ from bench import run as run_from_python
 from bench.backend import Workers
 from bench.driver import run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
+from bench.plan import schedule
 from bench.presets import get_preset
 from bench.store import Store
 from methods import registry
@@ -64,7 +65,7 @@ class TestInProcess:
         assert before["cells"] == before["missing_evaluations"] == 5
         assert (before["missing_controllers"], before["missing_fits"]) == (1, 1)
         assert before["missing_episodes"] == 2 + 4 * 20
-        assert before["cpu_hours"] > 0
+        assert before["cpu_hours"] == before["wall_hours"] > before["longest_hours"] > 0
         bench("run", *options)
         after = json.loads(bench("plan", *options, "--json")[1])
         assert (after["missing_fits"], after["missing_episodes"], after["cpu_hours"]) == (0, 0, 0)
@@ -352,3 +353,11 @@ def test_a_failure_is_noted_and_the_rest_goes_on(task, smoke, bench, tmp_path, m
     assert bench("run", "smoke", *options, "--out", str(tmp_path))[0] == 0
     assert Store(tmp_path).failures() == []
     registry.get_method.cache_clear()
+
+
+def test_a_plan_schedules_jobs_as_they_come():
+    assert schedule([], 3) == 0
+    assert schedule([1, 2, 3], 1) == 6
+    assert schedule([1, 1, 1, 9], 2) == 10
+    assert schedule([9, 1, 1, 1], 2) == 9
+    assert schedule([5, 1], 128) == 5
