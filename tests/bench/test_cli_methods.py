@@ -1,42 +1,59 @@
 """A method of one's own, from `bench new-method` to the report, in a package that pip installs."""
 
-import json
+import importlib
+import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import pandas as pd
 import pytest
 
-from bench.store import Store
 from methods import registry
 
+ROOT = Path(__file__).parents[2]
 
-@pytest.fixture
-def installed(bench, tmp_path, monkeypatch):
-    """The package that `bench new-method` writes, installed into a folder of its own."""
-    code, said, _ = bench("new-method", "mine", "--folder", str(tmp_path))
-    assert code == 0
-    assert f"pip install -e {tmp_path / 'mine'} && bench check mine" in said
-    site = tmp_path / "site"
-    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
-    subprocess.run([*pip, "--target", str(site), str(tmp_path / "mine")], check=True)
-    monkeypatch.syspath_prepend(str(site))
-    registry.get_method.cache_clear()
-    yield tmp_path / "mine"
-    registry.get_method.cache_clear()
+
+def tutorial(number):
+    """Returns the commands of the tutorial's block of that number, as words."""
+    page = (ROOT / "docs/add_a_method.md").read_text()
+    return [
+        line.split() for line in re.findall(r"```sh\n(.*?)```", page, re.S)[number].splitlines()
+    ]
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_new_method_is_checked_run_and_reported(installed, task, smoke, bench, tmp_path):
-    code, said, _ = bench("check", "mine", "--json")
-    assert code == 0, said
-    assert all(verdict["passed"] for verdict in json.loads(said))
-    assert "mine" in bench("list")[1]
-    out = tmp_path / "results"
-    options = ("--methods", "mine", "--out", str(out), "--jobs", "1")
-    code, _, error = bench("run", "smoke", *options)
-    assert code == 0, error
-    assert "mine" in set(Store(out).frame().method)
-    assert bench("report", str(out))[0] == 0
+@pytest.mark.parametrize(("number", "name"), [(0, "mine"), (1, "bc")])
+def test_the_tutorial_leads_from_nothing_to_a_row_in_the_table(
+    number, name, task, smoke, bench, tmp_path, monkeypatch
+):
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    site = tmp_path / "site"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BENCH_JOBS", "1")
+    monkeypatch.syspath_prepend(str(site))
+    try:
+        for command, *words in tutorial(number):
+            if command == "pip":
+                package = shutil.copytree(words[-1], tmp_path / "package")
+                subprocess.run([*pip, "--target", str(site), str(package)], check=True)
+                importlib.invalidate_caches()
+                registry.get_method.cache_clear()
+            else:
+                code, said, error = bench(*words)
+                assert code == 0, said + error
+        assert name in bench("list")[1]
+        table = pd.read_csv(f"results/{name}/report/tables/unseen.csv")
+        assert set(table.row) == {"expert", "kodex", name}
+    finally:
+        registry.get_method.cache_clear()
+
+
+def test_new_method_says_what_to_do_next(bench, tmp_path):
+    _, said, _ = bench("new-method", "mine", "--folder", str(tmp_path))
+    assert f"pip install -e {tmp_path / 'mine'} && bench check mine" in said
 
 
 @pytest.mark.parametrize("name", ["my method", "Mine", "kodex", "1st"])
