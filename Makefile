@@ -34,7 +34,8 @@ benchmark: install-dev ## Measure speed against peers, a few minutes
 	$(BIN)/pytest benchmarks --benchmark-columns=median,iqr,rounds
 
 reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hours
-	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py --times 200 --timeout 0
+	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py \
+		tests/bench/test_fuzz.py --times 200 --timeout 0
 
 install: .venv/installed ## Create .venv with what running needs
 install-dev: .venv/installed-dev ## Create .venv with what developing needs

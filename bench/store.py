@@ -51,6 +51,7 @@ CONDITIONS = ("split", "physics", "controller", "rule")
 """What tells the evaluations of a fit apart."""
 NUMBERS = ("demos", "seed")
 _SEAL = re.compile(rb"sha256:[0-9a-f]{64}")
+_KEY, _FILE = re.compile("[0-9a-f]{64}"), re.compile("[^/\\0]+")
 _UNSEALED = b"sha256:" + b"0" * 64
 
 
@@ -199,7 +200,7 @@ class Store:
         Raises:
             InputError: study.json is damaged.
         """
-        return dict(self._asked("fits", {}))
+        return self._asked()[0]
 
     def notes(self) -> list[str]:
         """Returns what a reader of the tables must know.
@@ -207,15 +208,15 @@ class Store:
         Raises:
             InputError: study.json is damaged.
         """
-        return list(self._asked("notes", []))
+        return self._asked()[1]
 
-    def _asked(self, name: str, otherwise: Any) -> Any:
+    def _asked(self) -> tuple[dict[str, Any], list[str]]:
         path = self.folder / "study.json"
         if not path.exists():
-            return otherwise
+            return {}, []
         try:
-            return json.loads(path.read_bytes())[name]
-        except (ValueError, KeyError, TypeError) as error:
+            return _read_study(path)
+        except DamagedError as error:
             raise InputError(
                 f"{path} is damaged ({error}): remove it and run the study again; what is stored"
                 " will be found"
@@ -280,7 +281,8 @@ class Store:
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
         """Notes why there is no result of that label, and how often it was tried in all."""
         path = self._failure(label)
-        tries += json.loads(path.read_bytes())["tries"] if path.exists() else 0
+        before = self._unless_damaged(path, partial(_read_failure, path))
+        tries += before["tries"] if before else 0
         entry = {"label": label, "tries": tries, "reason": reason, "traceback": traceback}
         path.parent.mkdir(exist_ok=True)
         self.write(path, json.dumps(entry, indent=2).encode())
@@ -292,7 +294,8 @@ class Store:
     def failures(self) -> list[dict[str, Any]]:
         """Returns what has failed and has no result yet: label, tries, reason, traceback."""
         paths = sorted((self.folder / "failures").glob("*.json"))
-        return [json.loads(path.read_bytes()) for path in paths]
+        found = [self._unless_damaged(path, partial(_read_failure, path)) for path in paths]
+        return [failure for failure in found if failure]
 
     # Writing
     def _failure(self, label: str) -> Path:
@@ -409,12 +412,42 @@ def _read_record(folder: Path, key: str) -> dict[str, Any]:
         record = dict(json.loads(path.read_bytes()))
         _check(record.pop("self") == _digest(record), path.name)
         _check(record["key"] == key, "its key")
+        _check(
+            all(isinstance(record[name], dict) for name in ("spec", "facts", "sha256")), path.name
+        )
         for name, expected in record["sha256"].items():
             content = (folder / Path(name).name).read_bytes()
             _check(hashlib.sha256(content).hexdigest() == expected, name)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DamagedError(f"{path.name} cannot be read ({error})") from error
     return record
+
+
+def _read_study(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Returns the fits and notes of study.json once they have been looked at."""
+    try:
+        record = dict(json.loads(path.read_bytes()))
+        fits, notes = dict(record["fits"]), list(record["notes"])
+        for label, entry in fits.items():
+            keys = {label: entry["key"], **entry["evaluations"]}
+            sound = all(_FILE.fullmatch(name) and _KEY.fullmatch(key) for name, key in keys.items())
+            _check(sound, label)
+        _check(all(isinstance(note, str) for note in notes), "its notes")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DamagedError(f"it cannot be read ({error})") from error
+    return fits, notes
+
+
+def _read_failure(path: Path) -> dict[str, Any]:
+    """Returns the label, tries, reason and traceback of a failure."""
+    try:
+        failure = dict(json.loads(path.read_bytes()))
+        texts = [failure[name] for name in ("label", "reason", "traceback")]
+        sound = isinstance(failure["tries"], int) and all(isinstance(text, str) for text in texts)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DamagedError(f"it cannot be read ({error})") from error
+    _check(sound, "its content")
+    return failure
 
 
 def _read_times(folder: Path) -> list[float]:

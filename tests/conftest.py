@@ -2,7 +2,9 @@ import hashlib
 import json
 import os
 import sys
+import time
 from dataclasses import dataclass, replace
+from statistics import median
 
 import numpy as np
 import pytest
@@ -33,6 +35,47 @@ def pytest_addoption(parser):
 @pytest.fixture
 def times(request):
     return request.config.getoption("--times")
+
+
+FIGURES: dict[str, list[float]] = {}
+
+
+@pytest.fixture
+def figure(request):
+    """Notes a number for the summary of `make reliability`."""
+
+    def note(name: str, value: float) -> None:
+        FIGURES.setdefault(f"{request.node.name}: {name}", []).append(value)
+
+    return note
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    if config.getoption("--times") == 1:
+        return
+    terminalreporter.section("figures")
+    for name, values in FIGURES.items():
+        shown = f"{values[0]:g}"
+        if len(values) > 1:
+            shown = f"median {median(values):.2g}, most {max(values):.2g}, n = {len(values)}"
+        terminalreporter.write_line(f"{name} {shown}")
+
+
+@pytest.fixture
+def ends_within():
+    """Whether no process of a group is left after so many seconds."""
+
+    def wait(seconds: float, group: int) -> bool:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            try:
+                os.killpg(group, 0)
+            except ProcessLookupError:
+                return True
+            time.sleep(0.1)
+        return False
+
+    return wait
 
 
 @pytest.fixture

@@ -8,13 +8,14 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from functools import partial
 
 import distributed  # noqa: F401, whose defaults dask's configuration must have
 import numpy as np
+import psutil
 import pytest
 from dask import config as dask_config
-from joblib.externals.loky import reusable_executor
 
 from bench.backend import TRIES, Failure, Interrupts, Workers, answers, workers
 from tasks.errors import InputError
@@ -58,18 +59,32 @@ def test_clusters_of_two_runs_do_not_meet():
         assert outcome([(math.sqrt, (4.0,))], Workers(1, "dask")) == [2.0]
 
 
+@pytest.mark.parametrize(("backend", "mark"), [("loky", "popen_loky"), ("dask", "spawn_main")])
 @pytest.mark.filterwarnings("ignore")
-def test_innocent_jobs_survive_the_death_of_workers(times):
-    draw = np.random.default_rng(0)
+def test_innocent_jobs_survive_the_death_of_workers(backend, mark, times, figure):
+    draw, over = np.random.default_rng(0), threading.Event()
+    deaths = []
 
     def kill():
-        for _ in range(2 + times):
-            time.sleep(draw.uniform(0.5, 1.5))
-            os.kill(next(iter(reusable_executor._executor._processes)), signal.SIGKILL)
+        while len(deaths) < 2 + times and not over.wait(draw.uniform(1, 3)):
+            with suppress(psutil.NoSuchProcess):
+                family = psutil.Process().children(recursive=True)
+                victims = [child for child in family if mark in " ".join(child.cmdline())]
+                draw.choice(victims).kill()
+                deaths.append(time.time())
 
-    n = 6 * (1 + times)
-    threading.Thread(target=kill, daemon=True).start()
-    assert outcome([(time.sleep, (0.5,))] * n, Workers(2)) == [None] * n
+    killer = threading.Thread(target=kill)
+    killer.start()
+    try:
+        rounds = 0
+        while killer.is_alive():
+            assert outcome([(time.sleep, (0.5,))] * 12, Workers(2, backend)) == [None] * 12
+            rounds += 1
+    finally:
+        over.set()
+        killer.join()
+    figure("workers killed", len(deaths))
+    figure("runs of 12 jobs completed", rounds)
 
 
 @pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(2, "dask")])
@@ -138,7 +153,7 @@ with workers(where), Interrupts() as interrupts:
 
 
 @pytest.mark.parametrize(("jobs", "times"), [(1, 1), (2, 1), (2, 2)])
-def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path):
+def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path, ends_within):
     running = subprocess.Popen(
         [sys.executable, "-c", SLEEPERS, str(jobs), str(tmp_path)],
         stdout=subprocess.PIPE,
@@ -158,17 +173,6 @@ def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path
     assert "KeyboardInterrupt" in err
     assert "stopping" in err
     assert ends_within(10, running.pid)
-
-
-def ends_within(seconds, group):
-    """Whether no process of the group is left after so long."""
-    for _ in range(10 * seconds):
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.1)
-    return False
 
 
 def dask_command(*options):
@@ -245,8 +249,6 @@ def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
 
 
 def test_nothing_listens_beyond_this_machine():
-    import psutil
-
     with workers(Workers(2, "dask")):
         me = psutil.Process()
         ports = [

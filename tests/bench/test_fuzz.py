@@ -1,16 +1,22 @@
 """Whatever a user writes is understood or refused by InputError; --times says how thoroughly."""
 
 import json
+import shutil
 from contextlib import suppress
 from dataclasses import replace
 
-from hypothesis import given, settings
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bench.cli_run import _study
 from bench.experiments import cells_of
 from bench.presets import PRESETS
+from bench.spec import Cell, Evaluation, Fit
+from bench.store import Store, _digest
 from methods.registry import get_method, method_names
+from tasks.data import Episodes, Starts
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
@@ -67,5 +73,88 @@ def test_any_value_of_a_config_is_understood_or_refused(times):
             settings={place: json.loads(json.dumps(value))},
         )
         understood(lambda: cells_of(study, RECIPES))
+
+    fuzz()
+
+
+FIT = Fit("door", "kodex", "described", "single", {"observables": 3}, 10, 0, "recipe")
+EVALUATION = Evaluation("door", "test", controller_key="c")
+
+
+@pytest.fixture
+def store(tmp_path):
+    """A results folder with one of each kind of file."""
+    store = Store(tmp_path / "results")
+    starts = Starts("door", "test", np.arange(4), np.zeros((4, 3)))
+    outcomes = (np.arange(4) % 2 == 1, np.zeros(4, bool), np.full(4, 69), np.zeros((4, 69)))
+    with store.locked():
+        store.ask_for([Cell(FIT, EVALUATION, 4)])
+        store.add_fit(FIT, {"koopman": np.eye(2)}, {"losses": np.ones(3)}, {"seconds": 1.5})
+        store.add_episodes(FIT, EVALUATION, Episodes(starts, *outcomes))
+        store.add_times({"folder": store.frame().folder[0]}, [1.0])
+        store.add_failure("label", "reason", "traceback")
+        yield store
+
+
+def spliced(content, place, values):
+    """Some bytes in place of as many."""
+    place %= len(content)
+    return content[:place] + values + content[place + len(values) :]
+
+
+def resealed(content, place, value):
+    """A record whose digest fits, with another value somewhere in it."""
+    record = json.loads(content)
+    record.pop("self", None)
+    *outer, last = (paths := list(paths_in(record)))[place % len(paths)]
+    inner = record
+    for name in outer:
+        inner = inner[name]
+    inner[last] = value
+    return json.dumps(record | {"self": _digest(record)}).encode()
+
+
+def paths_in(record, above=()):
+    """The way to everything in nested dictionaries."""
+    for name, inner in record.items():
+        yield (*above, name)
+        if isinstance(inner, dict):
+            yield from paths_in(inner, (*above, name))
+
+
+def test_any_stored_file_is_read_or_set_aside_or_refused(store, tmp_path, times, capsys):
+    paths = [path for path in sorted(store.folder.rglob("*")) if path.is_file()]
+    before = {path: path.read_bytes() for path in paths if path.name != ".lock"}
+    assert len(before) == 7
+
+    @settings(max_examples=50 * times, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(
+        path=st.sampled_from(list(before)),
+        kind=st.sampled_from(["bytes", "json", "spliced", "resealed"]),
+        place=st.integers(0, 10**6),
+        raw=st.binary(max_size=40),
+        value=VALUES,
+    )
+    def fuzz(path, kind, place, raw, value):
+        content = {
+            "bytes": lambda: raw,
+            "json": lambda: json.dumps(value).encode(),
+            "spliced": lambda: spliced(before[path], place, raw),
+            "resealed": lambda: (
+                resealed(before[path], place, value) if path.suffix == ".json" else raw
+            ),
+        }[kind]()
+        for one, sound in before.items():
+            one.parent.mkdir(parents=True, exist_ok=True)
+            one.write_bytes(sound)
+        path.write_bytes(content)
+        understood(store.frame)
+        understood(store.failures)
+        understood(store.progress)
+        understood(lambda: store.has_fit(FIT) and store.parameters(FIT))
+        understood(lambda: store.episodes(FIT, EVALUATION))
+        assert [one.name for one in tmp_path.iterdir()] == ["results"]
+        shutil.rmtree(store.folder / "damaged", ignore_errors=True)
+        capsys.readouterr()
 
     fuzz()

@@ -64,15 +64,36 @@ def test_jobs_threads_and_backends_make_no_difference(same, tmp_path, backend):
 
 
 @pytest.mark.parametrize("harm", [signal.SIGKILL, signal.SIGINT])
-def test_a_run_that_is_stopped_goes_on(same, tmp_path, times, harm):
+def test_a_run_that_is_stopped_goes_on(
+    same, uninterrupted, files_of, ends_within, tmp_path, times, harm, figure
+):
     draw = random.Random(int(harm))
-    for _ in range(times):
-        running = start("--out", str(tmp_path), "--jobs", "2")
-        time.sleep(draw.uniform(2, 12))
-        os.killpg(running.pid, harm)
-        running.wait(timeout=30)
-    assert start("--out", str(tmp_path), "--jobs", "2").wait() == 0
-    assert same(tmp_path)
+    whole = files_of(uninterrupted).items()
+    out, before, stops, studies = tmp_path / "0", {}, 0, 0
+    times = times if harm == signal.SIGKILL else (times + 1) // 2
+    while stops < times or studies == 0:
+        running = start("--out", str(out), "--jobs", "2")
+        try:
+            wait = None if stops == times else draw.uniform(2, 12)
+            assert running.wait(timeout=wait) == 0
+            assert same(out)
+            studies += 1
+            out, before = tmp_path / str(studies), {}
+        except subprocess.TimeoutExpired:
+            os.killpg(running.pid, harm)
+            figure("seconds to the prompt", seconds_to_end(running))
+            assert ends_within(10, running.pid)
+            after = files_of(out)
+            assert before.items() <= after.items() <= whole
+            before, stops = after, stops + 1
+    figure("times stopped", stops)
+    figure("studies completed", studies)
+
+
+def seconds_to_end(process):
+    began = time.perf_counter()
+    process.wait(timeout=30)
+    return time.perf_counter() - began
 
 
 @pytest.fixture
@@ -90,7 +111,7 @@ def whole(study, tmp_path):
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO])
 def test_a_write_that_fails_leaves_nothing_torn(
-    task, smoke, bench, whole, files_of, tmp_path, monkeypatch, times, error
+    task, smoke, bench, whole, files_of, tmp_path, monkeypatch, times, error, figure
 ):
     flush = os.fsync
     places = range(10**6) if times > 1 else (0, 3, 8, 14)
@@ -116,11 +137,12 @@ def test_a_write_that_fails_leaves_nothing_torn(
         assert set(files_of(out).items()) <= set(files_of(whole).items())
         assert bench(*options)[0] == 0
         assert files_of(out) == files_of(whole)
+    figure("writes that failed", place)
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_whatever_is_damaged_is_set_aside_and_computed_again(
-    task, study, whole, files_of, times, capsys
+    task, study, whole, files_of, times, capsys, figure
 ):
     draw = random.Random(2)
     sound = files_of(whole)
@@ -142,6 +164,7 @@ def test_whatever_is_damaged_is_set_aside_and_computed_again(
         run(study, whole, Workers(1))
         assert files_of(whole) == sound
         assert re.search("set aside as", capsys.readouterr().err)
+    figure("damaged files set aside", 5 * times)
 
 
 def rates(folder):
@@ -168,7 +191,7 @@ def emptied(draw, content):
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_the_order_of_cells_makes_no_difference(
-    task, study, whole, files_of, tmp_path, times, monkeypatch
+    task, study, whole, files_of, tmp_path, times, figure
 ):
     experiments = list(study.episodes)
     orders = list(permutations(experiments))
@@ -177,3 +200,4 @@ def test_the_order_of_cells_makes_no_difference(
         out = tmp_path / f"order{index}"
         run(replace(study, episodes={n: study.episodes[n] for n in order}), out, Workers(1))
         assert files_of(out) == files_of(whole)
+    figure("orders of experiments", index + 1)
