@@ -50,8 +50,8 @@ class Kodex(MotionMethod):
         "set_1": {"observables": 1},
         "set_2": {"observables": 2},
         "set_4": {"observables": 4},
-        "cutoff_x10": {"cutoff": 10.0},
-        "cutoff_x01": {"cutoff": 0.1},
+        "cutoff_tenfold": {"cutoff": 10.0},
+        "cutoff_tenth": {"cutoff": 0.1},
     }
     deterministic = True
 

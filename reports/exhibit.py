@@ -161,7 +161,7 @@ def _add_bars(
         if "published" in part and part.published.notna().any():
             label = "published" if i == len(rows) - 1 else None
             axes.plot(x, part.published, "D", ms=4, color=PUBLISHED, mec="white", label=label)
-    axes.set_xticks(range(len(columns)), [display(name) for name in columns])
+    axes.set_xticks(range(len(columns)), [display(name).replace(" ", "\n", 1) for name in columns])
     axes.set(ylabel=exhibit.axis)
     if exhibit.unit == "%":
         axes.set_ylim(0, 105)

@@ -40,7 +40,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 color=colour(task, place),
                 label=display(task),
             )
-        axes.set(ylabel=quantity, ylim=(0, None))
+        axes.set(ylabel=quantity, ylim=(0, 1.08 * axes.get_ylim()[1]))
     drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
     return drawing
 

@@ -320,7 +320,7 @@ def test_the_paper_has_every_experiment_and_shares_cells():
     apart = sum(len(EXPERIMENTS[name](study, recipes, {})) for name in study.episodes)
     assert len(cells_of(study, recipes)) < apart
     sets = {c.fit.variant for c in cells_of(study, recipes) if c.fit.method == "kodex"}
-    assert {"described", "set_1", "set_2", "set_4", "cutoff_x10"} <= sets
+    assert {"described", "set_1", "set_2", "set_4", "cutoff_tenfold"} <= sets
 
 
 class Failing(Kodex):
