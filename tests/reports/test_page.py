@@ -123,7 +123,7 @@ def test_tables_sort_by_number_and_by_name(opened):
     assert first_column(view) == ["NGF", "KODex", "NN"]
     view.get_by_role("button", name="Door").press("Enter")
     assert first_column(view) == ["NN", "KODex", "NGF"]
-    view.get_by_role("button", name="row", exact=True).click()
+    view.get_by_role("button", name="name", exact=True).click()
     assert first_column(view) == ["KODex", "NGF", "NN"]
 
 
