@@ -48,7 +48,7 @@ def get_observables(chosen: int | str | Observables) -> Observables:
     module, _, name = chosen.partition(":")
     try:
         found = import_module(module)
-    except (ImportError, ValueError) as error:
+    except (ImportError, ValueError, TypeError) as error:
         raise InputError(
             f"observables {chosen!r}: cannot import {module!r} ({error}); give a set number"
             f" from {list(SETS)} or 'package.module:name'"
