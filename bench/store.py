@@ -32,7 +32,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
@@ -41,6 +40,8 @@ from safetensors.numpy import load, save
 from tasks.errors import InputError
 
 if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
+    import pandas as pd
+
     from bench.spec import Cell, ControllerSpec, Evaluation, Fit
     from methods.base import Parameters
     from tasks.data import Episodes
@@ -229,20 +230,21 @@ class Store:
             InputError: the folder holds no results.
         """
         self._require_results()
-        folders = {
-            label: self.cells / folder_name(label, entry["key"])
-            for label, entry in self.study().items()
-        }
-        paths = [
-            folders[label] / f"{name}.parquet"
-            for label, entry in self.study().items()
-            for name in entry["evaluations"]
-        ]
+        study = self.study()
+        there = set(os.listdir(self.cells))
+        found = {}
+        for label, entry in study.items():
+            folder = folder_name(label, entry["key"])
+            found[label] = set(os.listdir(self.cells / folder)) if folder in there else set()
         return {
-            "fits": len(folders),
-            "fits_done": sum((folder / "fit.json").exists() for folder in folders.values()),
-            "evaluations": len(paths),
-            "evaluations_done": sum(path.exists() for path in paths),
+            "fits": len(study),
+            "fits_done": sum("fit.json" in files for files in found.values()),
+            "evaluations": sum(len(entry["evaluations"]) for entry in study.values()),
+            "evaluations_done": sum(
+                f"{name}.parquet" in found[label]
+                for label, entry in study.items()
+                for name in entry["evaluations"]
+            ),
         }
 
     def frame(self) -> pd.DataFrame:
@@ -254,6 +256,8 @@ class Store:
         Raises:
             InputError: the folder holds no results.
         """
+        import pandas as pd  # slow to import, and `bench status` does without
+
         self._require_results()
         rows = []
         for label, entry in sorted(self.study().items()):
@@ -272,6 +276,8 @@ class Store:
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """Returns start, success, diverged and steps of each episode of a row of `frame`."""
+        import pandas as pd
+
         path = self.cells / row["folder"] / f"{evaluation_name(row)}.parquet"
         columns = ["start", "success", "diverged", "steps"]
         frame: pd.DataFrame = pd.read_parquet(path, columns=columns)
@@ -389,6 +395,8 @@ class Source(Protocol):
 
 def episodes_table(source: Source) -> pd.DataFrame:
     """Returns all that `Store.outcomes` returns, under the names of `frame`, see `bench.load`."""
+    import pandas as pd
+
     names = ["task", "method", "variant", "size", "demos", "seed", *CONDITIONS]
     frame = source.frame()
     if frame.empty:
