@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help bench demo test check docs install install-dev benchmark reliability clean
+.PHONY: help bench demo test check docs install install-dev benchmark reliability release clean
 
 help: ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -36,6 +36,9 @@ benchmark: install-dev ## Measure speed against peers, a few minutes
 reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hours
 	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py \
 		tests/bench/test_fuzz.py --times 200 --timeout 0
+
+release: install-dev ## Build wheel and sdist and try each in an empty environment, minutes
+	$(BIN)/pytest tests/test_release.py -m release
 
 install: .venv/installed ## Create .venv with what running needs
 install-dev: .venv/installed-dev ## Create .venv with what developing needs
