@@ -1,4 +1,4 @@
-"""What is released works by itself: `make release` builds it and tries it in an empty environment."""
+"""What is released works by itself: `make release` builds it, and tries it where nothing else is."""
 
 import os
 import subprocess
