@@ -1,4 +1,4 @@
-"""What is released works by itself: `make release` builds it, and tries it where nothing else is."""
+"""What is released works by itself: `make release` builds it and tries it in new environments."""
 
 import os
 import subprocess
