@@ -13,7 +13,7 @@ STUDY = replace(
     get_preset("smoke"),
     tasks=("relocation",),
     methods=("kodex",),
-    episodes={"success": 400, "ood": 400},
+    episodes={"success": 200, "ood": 200},
 )
 HALF = """
 import sys
