@@ -1,5 +1,6 @@
 """Where jobs run: joblib's backends, what becomes of a job whose worker dies, and Ctrl-C."""
 
+import multiprocessing.resource_tracker
 import os
 import signal
 import sys
@@ -15,6 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from joblib import Parallel, delayed, parallel_config
+from joblib.externals import loky
 from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
 from tasks.errors import InputError, unknown_name
@@ -176,6 +178,8 @@ def answers(
             sent.append(index)
             yield delayed(_attempt)(index, where.limit, *call)
 
+    if where.backend == "loky" and where.jobs > 1:
+        _start_loky(where.jobs)
     ours: list[Exception] = []
     left = dict.fromkeys(range(len(calls)))
     while left and not interrupts.asked:
@@ -193,6 +197,21 @@ def answers(
                     return
                 del left[index]
                 yield index, _alone(calls[index](), where)
+
+
+def _start_loky(jobs: int) -> None:
+    """Starts the workers, unless they are there, deaf to a terminal's Ctrl-C from the beginning.
+
+    Without that, one that is still starting would die of it, and take the others' jobs with it.
+    """
+    # The trackers unblock the signal when they are started, which otherwise the first worker does.
+    for tracker in (multiprocessing.resource_tracker, loky.backend.resource_tracker):
+        tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        Parallel(jobs)(delayed(os.getpid)() for _ in range(jobs))
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _parallel(jobs: int) -> Parallel:
