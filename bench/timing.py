@@ -1,12 +1,11 @@
 """How long fits take with the machine to themselves: never read off a run, whose jobs share it."""
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
-from bench.driver import training_demos, validation_demos
+from bench.driver import fit_job, training_demos, validation_demos
 from bench.spec import EXPERT, VALIDATION, Fit
 from bench.store import Store
 from bench.verify import stored_fit
@@ -54,8 +53,6 @@ def time_fit(fit: Fit) -> float:
     epochs = fit.config.get("epochs", 1)
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
-    method = replace(fit, config=config).build()
     demos, validation = training_demos(fit.task, fit.demos), validation_demos(fit.task)
-    began = time.perf_counter()
-    type(method).fit_seeds(method.config, method.layout, demos, validation, [fit.seed])
-    return (time.perf_counter() - began) * epochs / timed
+    ((_, _, seconds),) = fit_job([replace(fit, config=config)], demos, validation)
+    return seconds * epochs / timed

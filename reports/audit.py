@@ -3,7 +3,7 @@
 import pandas as pd
 
 from bench.controller import UNCLIPPED
-from reports.exhibit import FROM_PAPER, Exhibit, panels, success_table
+from reports.exhibit import Exhibit, beside, panels, success_table
 from reports.paper import published
 from reports.results import Results
 from reports.style import METHODS
@@ -24,20 +24,17 @@ def table(results: Results) -> pd.DataFrame:
     if found.variant.nunique() < 2:
         return pd.DataFrame(columns=["row", "column", "value"])
     label = found.method + " " + found.variant
-    return _beside_the_paper(success_table(found.assign(label=label), "label", "task"))
+    return beside(success_table(found.assign(label=label), "label", "task"), _best_published())
 
 
-def _beside_the_paper(table: pd.DataFrame) -> pd.DataFrame:
-    """With the paper's success of a method, at its best size, beside what is compared with it."""
+def _best_published() -> pd.DataFrame:
+    """The paper's success of each method at its best size, for each variant it stands beside."""
     parts = []
     for number, method in enumerate(METHODS[1:], 1):
-        numbers = published(f"table_{number}").rename(
-            columns={"value": "published", "spread": "published spread"}
-        )
-        best = numbers.loc[numbers.groupby("column").published.idxmax()]
+        numbers = published(f"table_{number}")
+        best = numbers.loc[numbers.groupby("column").value.idxmax()]
         parts += [best.assign(row=f"{method} {variant}") for variant in COMPARED]
-    paper = pd.concat(parts)[["row", "column", *FROM_PAPER]]
-    return table.merge(paper, on=["row", "column"], how="left")
+    return pd.concat(parts)
 
 
 EXHIBIT = Exhibit(

@@ -98,8 +98,13 @@ def in_order(
 
 
 def with_published(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Returns the table with an exhibit's published values beside it, see `beside`."""
+    return beside(table, published(name))
+
+
+def beside(table: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
     """Returns the table with the paper's values beside it; rows of the paper alone are left out."""
-    paper = published(name).rename(columns={"value": "published", "spread": "published spread"})
+    paper = paper.rename(columns={"value": "published", "spread": "published spread"})
     return table.merge(paper[["row", "column", *FROM_PAPER]], on=["row", "column"], how="left")
 
 
