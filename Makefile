@@ -10,7 +10,6 @@ help: ## Show the targets
 
 bench: install ## Install into .venv, run the quick study and write its report
 	$(BIN)/bench run quick --out results/quick
-	$(BIN)/bench time results/quick
 	$(BIN)/bench report results/quick
 
 demo: install ## The same with the smallest study, in minutes
