@@ -413,10 +413,19 @@ def folder_name(label: str, key: str) -> str:
     return f"{label}-{key[:KEY_DIGITS]}"
 
 
+@contextmanager
+def _reading(what: str = "it") -> Iterator[None]:
+    """Turns whatever a damaged file gives rise to into a DamagedError."""
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
+        raise DamagedError(f"{what} cannot be read ({error})") from error
+
+
 def _read_record(folder: Path, key: str) -> dict[str, Any]:
     """Returns fit.json or controller.json of a folder once all it says has been checked."""
     path = folder / ("controller.json" if folder.parent.name == "controllers" else "fit.json")
-    try:
+    with _reading(path.name):
         record = dict(json.loads(path.read_bytes()))
         _check(record.pop("self") == _digest(record), path.name)
         _check(record["key"] == key, "its key")
@@ -426,14 +435,12 @@ def _read_record(folder: Path, key: str) -> dict[str, Any]:
         for name, expected in record["sha256"].items():
             content = (folder / Path(name).name).read_bytes()
             _check(hashlib.sha256(content).hexdigest() == expected, name)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DamagedError(f"{path.name} cannot be read ({error})") from error
     return record
 
 
 def _read_study(path: Path) -> tuple[dict[str, Any], list[str]]:
     """Returns the fits and notes of study.json once they have been looked at."""
-    try:
+    with _reading():
         record = dict(json.loads(path.read_bytes()))
         fits, notes = dict(record["fits"]), list(record["notes"])
         for label, entry in fits.items():
@@ -441,45 +448,37 @@ def _read_study(path: Path) -> tuple[dict[str, Any], list[str]]:
             sound = all(_FILE.fullmatch(name) and _KEY.fullmatch(key) for name, key in keys.items())
             _check(sound, label)
         _check(all(isinstance(note, str) for note in notes), "its notes")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DamagedError(f"it cannot be read ({error})") from error
     return fits, notes
 
 
 def _read_failure(path: Path) -> dict[str, Any]:
     """Returns the label, tries, reason and traceback of a failure."""
-    try:
+    with _reading():
         failure = dict(json.loads(path.read_bytes()))
         texts = [failure[name] for name in ("label", "reason", "traceback")]
         sound = isinstance(failure["tries"], int) and all(isinstance(text, str) for text in texts)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DamagedError(f"it cannot be read ({error})") from error
     _check(sound, "its content")
     return failure
 
 
 def _read_times(folder: Path) -> list[float]:
     """Returns the seconds of times.json once it has been checked."""
-    try:
+    with _reading():
         record = dict(json.loads((folder / "times.json").read_bytes()))
         _check(record.pop("self") == _digest(record), "its content")
         _check(record["folder"] == folder.name, "its place")
         return [float(seconds) for seconds in record["seconds"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DamagedError(f"it cannot be read ({error})") from error
 
 
 def _read_table(path: Path, fit_key: str) -> pa.Table:
     """Returns stored episodes once their content has been checked."""
-    try:
+    with _reading():
         content = path.read_bytes()
         seals = _SEAL.findall(content)
         _check(len(seals) == 1 and seals[0] == _seal(_SEAL.sub(_UNSEALED, content)), "its content")
         table = pq.read_table(pa.BufferReader(content))
         labels = _labels(table)
         _check((labels["fit"], labels["format"]) == (fit_key, str(FORMAT)), "its place")
-    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
-        raise DamagedError(f"it cannot be read ({error})") from error
     return table
 
 
