@@ -1,11 +1,13 @@
 """Where jobs run: joblib's backends, what becomes of a job whose worker dies, and Ctrl-C."""
 
+import math
 import multiprocessing.resource_tracker
 import os
 import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -145,7 +147,9 @@ def workers(where: Workers) -> Iterator[None]:
         ):
             yield
     elif where.backend == "loky":
-        with parallel_config("loky", initializer=_ignore_ctrl_c):
+        with parallel_config("loky", initializer=_prepare_worker), warnings.catch_warnings():
+            # Where warnings are errors, this one would end the thread that loky hears answers by.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs")
             yield
     else:
         with parallel_config(where.backend):
@@ -266,9 +270,12 @@ def _limited(seconds: float | None) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _ignore_ctrl_c() -> None:
-    """A terminal's Ctrl-C reaches the workers too, and the driver alone decides."""
+def _prepare_worker() -> None:
+    """Makes a worker of loky stay: only the driver, and the death of another, end it."""
+    # A terminal's Ctrl-C reaches the workers too.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Loky takes it for a leak if a job leaves libraries and caches of 300 MB behind.
+    loky.process_executor._MAX_MEMORY_LEAK_SIZE = math.inf
 
 
 @contextmanager

@@ -121,6 +121,20 @@ def test_arguments_as_large_as_demonstrations_arrive(backend):
     assert outcome(jobs, Workers(2, backend)) == sums
 
 
+GROWING = """
+import os, sys, time
+sys.kept = [*getattr(sys, "kept", []), b"1" * 400_000_000]
+time.sleep(1.1)
+"""
+
+
+def test_a_worker_that_grows_stays():
+    """Loky looks for leaks at most once a second, and would warn in a thread of its own."""
+    large = np.ones(100_000)  # more than a pipe holds, so that a lost reader is noticed
+    grown = outcome([(exec, (GROWING, {"large": large}))] * 6, Workers(2))
+    assert grown == [None] * 6
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_job_may_not_take_longer_than_the_limit(jobs):
     where = Workers(jobs, limit=0.3)
@@ -156,7 +170,7 @@ def begin(folder, seconds):
     (folder / str(seconds)).touch()
     time.sleep(seconds)
 where = Workers(int(sys.argv[1]))
-jobs = [(begin, (Path(sys.argv[2]), seconds)) for seconds in (0, 1, 60, 61)]
+jobs = [(begin, (Path(sys.argv[2]), seconds)) for seconds in (0, 2, 60, 61)]
 with workers(where), Interrupts() as interrupts:
     for index, answer in answers([partial(tuple, job) for job in jobs], where, interrupts):
         print(index, flush=True)
@@ -174,13 +188,13 @@ def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path
         start_new_session=True,
     )
     assert running.stdout.readline() == "0\n"
-    while not (tmp_path / "1").exists():
+    while not (tmp_path / "2").exists():
         time.sleep(0.01)
     for _ in range(times):
         os.killpg(running.pid, signal.SIGINT)
         time.sleep(0.5)
     out, err = running.communicate(timeout=60)
-    # Once: the job of 1 s may end. Twice: nothing may.
+    # Once: the job of 2 s may end. Twice: nothing may.
     assert out == ("1\n" if times == 1 else "")
     assert "KeyboardInterrupt" in err
     assert "stopping" in err
