@@ -46,14 +46,13 @@ def report(
 
 
 def pack(
-    folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
+    folders: Annotated[list[Path], typer.Argument(help="Of `bench run` or `bench pack`.")],
     out: Annotated[Path, typer.Option(help="Folder that gets the small form.")],
 ) -> None:
     """Write results in a small form to share: all that reports need, and no weights."""
-    from bench.store import Store
     from reports.reference import pack as pack_results
 
-    pack_results(Store(folder), out)
+    pack_results(folders, out)
     size = sum(path.stat().st_size for path in out.iterdir())
     print(f"{size / 2**20:.1f} MiB in {out}; bench report {out} shows them")
 

@@ -9,7 +9,7 @@ A folder holds::
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -26,34 +26,41 @@ from tasks.errors import InputError
 SHIPPED = Path(__file__).with_name("reference")
 
 
-def pack(store: Store, folder: Path) -> None:
-    """Writes the results of a run in the small form.
+def pack(folders: Sequence[Path], out: Path) -> None:
+    """Writes results in the small form, those of several folders as one.
 
     Args:
-        store: the results folder of the run.
-        folder: where the files go, made if need be.
+        folders: of `bench run` or `bench pack`.
+        out: where the files go, made if need be; it may be one of the folders.
 
     Raises:
-        InputError: the store holds no results.
+        InputError: a folder holds no results, or others than a folder before it.
     """
-    frame = store.frame()
+    sources = [open_results(folder) for folder in folders]
+    results = Together([(source, source.frame()) for source in sources])
+    frame = results.frame()
     if frame.empty:
-        raise InputError(f"{store.folder} holds no evaluations to pack")
-    folder.mkdir(parents=True, exist_ok=True)
-    parts = [store.outcomes(row) for row in frame.to_dict("records")]
+        raise InputError(f"{', '.join(map(str, folders))}: no evaluations to pack")
+    parts = [results.outcomes(row) for row in frame.to_dict("records")]
     rows = np.repeat(np.arange(len(frame), dtype=np.int32), [len(part) for part in parts])
     episodes = pd.concat(parts, ignore_index=True).astype({"start": np.int32})
     episodes.insert(0, "evaluation", rows)
-    episodes.to_parquet(folder / "episodes.parquet", index=False, compression="zstd")
-    table = frame.assign(config=frame.config.map(json.dumps))
-    table.to_parquet(folder / "evaluations.parquet", index=False)
     fits = frame.folder.unique()
     arrays = {
-        f"{fit}/{name}": values for fit in fits for name, values in store.diagnostics(fit).items()
+        f"{fit}/{name}": values for fit in fits for name, values in results.diagnostics(fit).items()
     }
-    save_file(arrays, folder / "diagnostics.safetensors")
-    facts = {"notes": store.notes(), "fits": {fit: store.facts(fit) for fit in fits}}
-    (folder / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
+    facts = {"notes": results.notes(), "fits": {fit: results.facts(fit) for fit in fits}}
+    out.mkdir(parents=True, exist_ok=True)
+    episodes.to_parquet(out / "episodes.parquet", index=False, compression="zstd")
+    table = frame.assign(config=frame.config.map(json.dumps))
+    table.to_parquet(out / "evaluations.parquet", index=False)
+    save_file(arrays, out / "diagnostics.safetensors")
+    (out / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
+
+
+def open_results(folder: Path) -> Source:
+    """Returns the results in a folder of `bench run` or `bench pack`."""
+    return Packed(folder) if is_packed(folder) else Store(folder)
 
 
 def shipped() -> Path:
@@ -128,7 +135,51 @@ class Packed:
         return [table.iloc[a:b] for a, b in pairwise(bounds)]
 
 
-class Beside:
+class Together:
+    """The results of several sources as one; of the same evaluation, those of more episodes."""
+
+    def __init__(self, parts: Sequence[tuple[Source, pd.DataFrame]]) -> None:
+        """Takes sources, each with the rows of its frame that are wanted.
+
+        Raises:
+            InputError: two hold different results of the same description.
+        """
+        self._sources = [source for source, _ in parts]
+        frames = [frame.assign(source=place) for place, (_, frame) in enumerate(parts)]
+        whole = pd.concat(frames, ignore_index=True)
+        if len(whole):
+            _check_alike(whole)
+            most = whole.groupby(_PLACE, sort=False).episodes.idxmax()
+            whole = whole.loc[sorted(most)]
+            places = whole[_PLACE].itertuples(index=False, name=None)
+            self._evaluations = dict(zip(places, whole.source, strict=True))
+            fits = whole.drop_duplicates("folder")
+            self._fits = dict(zip(fits.folder, fits.source, strict=True))
+        self._frame = whole.drop(columns="source").reset_index(drop=True)
+
+    def frame(self) -> pd.DataFrame:
+        """See `bench.store.Store.frame`."""
+        return self._frame
+
+    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
+        """See `bench.store.Store.outcomes`."""
+        place = tuple(row[name] for name in _PLACE)
+        return self._sources[self._evaluations[place]].outcomes(row)
+
+    def diagnostics(self, folder: str) -> Parameters:
+        """See `bench.store.Store.diagnostics`."""
+        return self._sources[self._fits[folder]].diagnostics(folder)
+
+    def facts(self, folder: str) -> dict[str, Any]:
+        """See `bench.store.Store.facts`."""
+        return self._sources[self._fits[folder]].facts(folder)
+
+    def notes(self) -> list[str]:
+        """See `bench.store.Store.notes`."""
+        return list(dict.fromkeys(note for source in self._sources for note in source.notes()))
+
+
+class Beside(Together):
     """Results of a run, and beside them the shipped ones of methods that the run has not."""
 
     def __init__(self, own: Source) -> None:
@@ -137,8 +188,8 @@ class Beside:
         Raises:
             InputError: nothing is shipped, or it is from other demonstrations than the run's.
         """
-        self._own, self._shipped = own, Packed(shipped())
-        mine, theirs = own.frame(), self._shipped.frame()
+        reference = Packed(shipped())
+        mine, theirs = own.frame(), reference.frame()
         theirs = theirs[theirs.task.isin(mine.task) & ~theirs.method.isin(mine.method)]
         for task, recipes in pd.concat([mine, theirs]).groupby("task").recipe:
             if recipes.nunique() > 1:
@@ -146,31 +197,27 @@ class Beside:
                     f"the shipped results of {task} are from other demonstrations than these: of"
                     " another expert, task or version of MuJoCo"
                 )
-        self._frame = pd.concat([mine, theirs], ignore_index=True)
-        self._folders = frozenset(mine.folder)
+        super().__init__([(own, mine), (reference, theirs)])
+        self._own = own
         self.methods = tuple(theirs.method.unique())
         """The methods whose results are the shipped ones."""
-
-    def frame(self) -> pd.DataFrame:
-        """See `bench.store.Store.frame`."""
-        return self._frame
-
-    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
-        """See `bench.store.Store.outcomes`."""
-        return self._of(row["folder"]).outcomes(row)
-
-    def diagnostics(self, folder: str) -> Parameters:
-        """See `bench.store.Store.diagnostics`."""
-        return self._of(folder).diagnostics(folder)
-
-    def facts(self, folder: str) -> dict[str, Any]:
-        """See `bench.store.Store.facts`."""
-        return self._of(folder).facts(folder)
 
     def notes(self) -> list[str]:
         """See `bench.store.Store.notes`; says which methods come from another machine."""
         origin = f"From another machine, as shipped: {', '.join(self.methods) or 'nothing'}."
         return [*self._own.notes(), origin]
 
-    def _of(self, folder: str) -> Source:
-        return self._own if folder in self._folders else self._shipped
+
+_FIT = ["task", "method", "variant", "size", "demos", "seed"]
+_PLACE = ["folder", *CONDITIONS]
+
+
+def _check_alike(whole: pd.DataFrame) -> None:
+    """Refuses results that differ in what their description does not show."""
+    for by, what in ((_FIT, "folder"), (_PLACE, "controller_key")):
+        for names, found in whole.groupby(by)[what]:
+            if found.nunique() > 1:
+                raise InputError(
+                    f"there are different results of {' '.join(map(str, names))}: of another"
+                    " version, config, controller or set of demonstrations; pack what was run alike"
+                )

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from bench.controller import ON_SUCCESSES, UNCLIPPED
-from bench.store import Source, Store
+from bench.store import Source
 from methods.base import Parameters
-from reports.reference import Beside, Packed, is_packed
+from reports.reference import Beside, open_results
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered
 from tasks.data import BoolArray
@@ -34,7 +34,7 @@ class Results:
         Raises:
             InputError: see `reports.reference.Beside`.
         """
-        self.source: Source = Packed(folder) if is_packed(folder) else Store(folder)
+        self.source: Source = open_results(folder)
         if beside:
             self.source = Beside(self.source)
 
