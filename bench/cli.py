@@ -56,17 +56,17 @@ def list_names(as_json: AsJson = False) -> None:
 
 @app.command()
 def describe(
-    name: Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")],
+    name: Annotated[str, typer.Argument(help="A task, method or preset, see `bench list`.")],
     as_json: AsJson = False,
 ) -> None:
-    """Show a task's dimensions, components, start ranges, success rule and physics."""
+    """Show the particulars of a task, a method or a preset."""
     from bench.describe import describe as describe_name
 
     facts = describe_name(name)
     if as_json:
         print(json.dumps(facts))
-    else:
-        _print_task(facts)
+        return
+    {"task": _print_task, "method": _print_method, "preset": _print_preset}[facts["kind"]](facts)
 
 
 def main() -> None:
@@ -89,6 +89,37 @@ def _print_task(facts: dict[str, Any]) -> None:
     _print_table("starts, drawn uniformly", _start_rows(facts))
     changes = facts["physics"].items()
     _print_table("physics", [{"name": name, **(change or {})} for name, change in changes])
+
+
+def _print_method(facts: dict[str, Any]) -> None:
+    print("{name}: {summary}, version {version}".format(**facts))
+    print(
+        f"predicts {facts['predicts']}" + ("" if facts["seeds"] else "; the seed changes nothing")
+    )
+    sizes = facts["sizes"]
+    fields = list(next(iter(sizes.values())))
+    rows = [
+        {"field": field, **{size: str(sizes[size][field]) for size in sizes}} for field in fields
+    ]
+    _print_table("configs by size", rows)
+    counts = facts["parameters"].items()
+    _print_table("numbers stored of a fit", [{"size": size, **by_task} for size, by_task in counts])
+    chosen = [{"task": task, "size": size} for task, size in facts["default_size"].items()]
+    _print_table("default sizes", chosen)
+    changes = facts["variants"].items()
+    variants = [{"variant": name, "sets": json.dumps(values)} for name, values in changes]
+    _print_table("variants", variants)
+
+
+def _print_preset(facts: dict[str, Any]) -> None:
+    for name in ("tasks", "methods", "sizes", "seeds", "demos", "epochs_share"):
+        value = facts[name]
+        print(f"{name}: {', '.join(map(str, value)) if isinstance(value, list) else value}")
+    episodes = facts["episodes"].items()
+    rows = [{"experiment": name, "episodes of each evaluation": count} for name, count in episodes]
+    _print_table("experiments", rows)
+    print("{fits} fits, {evaluations} evaluations, {episodes_in_all:,} episodes".format(**facts))
+    print(f"{facts['note']} What it costs here: bench plan {facts['name']} --out DIR".strip())
 
 
 def _start_rows(facts: dict[str, Any]) -> list[dict[str, str]]:

@@ -1,19 +1,32 @@
 """The particulars of what can be run, as plain dictionaries."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
+from tasks.errors import unknown_name
 from tasks.masses import NOMINAL, all_changes
-from tasks.registry import get_task
+from tasks.registry import TASKS, get_task
 
 
 def describe(name: str) -> dict[str, Any]:
-    """Returns the particulars of a task.
+    """Returns the particulars of a task, a method or a preset; ``kind`` says which it is.
 
     Raises:
-        InputError: there is no task of that name.
+        InputError: there is nothing of that name.
     """
+    from bench.presets import PRESETS
+    from methods.registry import method_names
+
+    kinds = {"task": TASKS, "method": method_names(), "preset": PRESETS}
+    describers = {"task": _task, "method": _method, "preset": _preset}
+    for kind, names in kinds.items():
+        if name in names:
+            return {"kind": kind, **describers[kind](name)}
+    raise unknown_name("name", name, [name for names in kinds.values() for name in names])
+
+
+def _task(name: str) -> dict[str, Any]:
     task = get_task(name)
     return {
         "name": task.name,
@@ -31,6 +44,62 @@ def describe(name: str) -> dict[str, Any]:
         "physics": {NOMINAL: None} | {name: asdict(c) for name, c in all_changes(name).items()},
         "model_file": task.model_file,
         "model_hash": task.model_hash,
+    }
+
+
+def _method(name: str) -> dict[str, Any]:
+    from methods.base import MotionMethod
+    from methods.registry import get_method
+
+    method = get_method(name)
+    return {
+        "name": name,
+        "summary": getattr(method, "summary", ""),
+        "version": method.version,
+        "predicts": "motions" if issubclass(method, MotionMethod) else "actions",
+        "seeds": not method.deterministic,
+        "sizes": {size: asdict(config) for size, config in method.sizes.items()},
+        "default_size": dict(method.default_size),
+        "variants": {variant: dict(changes) for variant, changes in method.variants.items()},
+        "parameters": {
+            size: {task: _parameters(method, config, task) for task in TASKS}
+            for size, config in method.sizes.items()
+        },
+    }
+
+
+def _parameters(method: Any, config: Any, task: str) -> int:
+    """How many numbers a fit stores: found by fitting, as it can be of anybody's method."""
+    from bench.plan import random_demos
+
+    if "epochs" in {field.name for field in fields(config)}:
+        config = replace(config, epochs=1)
+    demos = random_demos(task)[:2]
+    fitted = method(config, get_task(task).layout)
+    fitted.fit(demos, demos, 1)
+    return sum(array.size for array in fitted.parameters().values())
+
+
+def _preset(name: str) -> dict[str, Any]:
+    from bench.experiments import cells_of
+    from bench.presets import get_preset
+    from tasks.demos import demos_key
+
+    study = get_preset(name)
+    cells = cells_of(study, {task: demos_key(get_task(task)) for task in study.tasks})
+    return {
+        "name": name,
+        "note": study.note,
+        "tasks": list(study.tasks),
+        "methods": list(study.methods),
+        "sizes": "all" if study.sizes is None else list(study.sizes),
+        "seeds": list(study.seeds),
+        "demos": study.demos,
+        "epochs_share": study.epochs_share,
+        "episodes": dict(study.episodes),
+        "fits": len({cell.fit.key for cell in cells}),
+        "evaluations": len(cells),
+        "episodes_in_all": sum(cell.episodes for cell in cells),
     }
 
 

@@ -168,7 +168,7 @@ def _unit_seconds(task_name: str, method: str, variant: str, size: str, seeds: i
     config = replace(config, **get_method(method, variant).variants[variant])
     epochs = 2 if "epochs" in {field.name for field in fields(config)} else 1
     config = replace(config, epochs=epochs) if epochs == 2 else config
-    demos = _random_demos(task_name)
+    demos = random_demos(task_name)
     layout = get_task(task_name).layout
     began = perf_counter()
     get_method(method, variant).fit_seeds(config, layout, demos, demos[:2], range(1, seeds + 1))
@@ -182,14 +182,15 @@ def controller_seconds(spec: ControllerSpec) -> float:
 
 @cache
 def _unit_controller_seconds(task_name: str) -> float:
-    demos = _random_demos(task_name)
+    demos = random_demos(task_name)
     began = perf_counter()
     train_controller(ControllerConfig(epochs=2), demos, "calibration")
     return (perf_counter() - began) / (2 * len(demos))
 
 
 @cache
-def _random_demos(task_name: str) -> Demos:
+def random_demos(task_name: str) -> Demos:
+    """Returns a few made-up demonstrations of a task's dimensions and length."""
     task = get_task(task_name)
     rng = generator("calibration", task_name)
     shape = (_DEMOS, task.horizon)

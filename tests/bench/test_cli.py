@@ -1,8 +1,10 @@
 import json
 import subprocess
 import sys
+from itertools import pairwise
 
 from bench.experiments import EXPERIMENTS
+from bench.presets import PRESETS
 from tasks.masses import physics_names
 from tasks.registry import TASKS, get_task
 
@@ -43,10 +45,34 @@ def test_describe_can_be_read_by_a_person(bench, task):
         assert expected in out
 
 
-def test_an_unknown_task_ends_with_the_nearest_name_and_exit_code_2(bench):
+def test_describe_gives_the_sizes_and_variants_of_a_method(bench):
+    code, out, _ = bench("describe", "nn", "--json")
+    facts = json.loads(out)
+    assert code == 0
+    assert list(facts["sizes"]) == ["small", "median", "large"]
+    assert facts["sizes"]["small"]["hidden"] == [32, 64, 32]
+    # Table 2, for the 35 states of Door: weights and biases, and the scaling of states.
+    widths = (35, 32, 64, 32, 35)
+    count = sum((a + 1) * b for a, b in pairwise(widths)) + 2 * 35
+    assert facts["parameters"]["small"]["door"] == count
+    assert facts["variants"]["published"]["fresh_adam"] == "batch"
+    assert "published" in bench("describe", "nn")[1]
+
+
+def test_describe_gives_the_experiments_of_a_preset(bench):
+    code, out, _ = bench("describe", "paper", "--json")
+    facts = json.loads(out)
+    assert code == 0
+    assert facts["episodes"] == PRESETS["paper"].episodes
+    assert facts["seeds"] == [1, 2, 3, 4, 5]
+    assert facts["evaluations"] > facts["fits"] > 500
+    assert "bench plan paper" in bench("describe", "paper")[1]
+
+
+def test_an_unknown_name_ends_with_the_nearest_name_and_exit_code_2(bench):
     code, out, err = bench("describe", "relocate")
     assert (code, out) == (2, "")
-    assert "unknown task 'relocate'" in err
+    assert "unknown name 'relocate'" in err
     assert "did you mean 'relocation'" in err
 
 
