@@ -23,13 +23,12 @@ def make(
     tasks: Annotated[list[str] | None, typer.Argument(help="Tasks; all unless told.")] = None,
 ) -> None:
     """Make 200 + 50 demonstrations a task, unless the cache has them."""
-    from tasks.demos import TRAINING, demos_path, load_demos
+    from tasks.demos import demos_path, load_demos, split
 
     for name in tasks or TASKS:
         task = get_task(name)
-        count = len(load_demos(task))
-        held_out = count - TRAINING
-        print(f"{name}: {TRAINING} + {held_out} demonstrations in {demos_path(task)}", flush=True)
+        training, validation = map(len, split(load_demos(task)))
+        print(f"{name}: {training} + {validation} demonstrations in {demos_path(task)}", flush=True)
 
 
 @app.command("export")

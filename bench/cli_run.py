@@ -21,6 +21,9 @@ Episodes = Annotated[int | None, typer.Option(help="Of each evaluation.")]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE of a config.")
 ]
+DemosFile = Annotated[
+    Path | None, typer.Option("--demos", help="File of `bench demos import`, of one task.")
+]
 Jobs = Annotated[int | None, typer.Option(help="Processes at a time; one a core.")]
 Names = Annotated[str | None, typer.Option(help="Comma-separated; all of the preset unless told.")]
 
@@ -35,6 +38,7 @@ def run(
     variants: Names = None,
     seeds: Seeds = None,
     episodes: Episodes = None,
+    demos: DemosFile = None,
     settings: Settings = None,
     jobs: Jobs = None,
     backend: Annotated[str, typer.Option(help="loky, dask or another of joblib's.")] = "loky",
@@ -47,6 +51,10 @@ def run(
     from bench.driver import run as run_study
 
     study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
+    if demos is not None:
+        from bench.experiments import learning_from
+
+        study = learning_from(study, demos)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     seconds = None if limit is None else 60 * _positive("limit", limit)
     try:
@@ -84,6 +92,7 @@ def plan(
     variants: Names = None,
     seeds: Seeds = None,
     episodes: Episodes = None,
+    demos: DemosFile = None,
     settings: Settings = None,
     jobs: Jobs = None,
     as_json: AsJson = False,
@@ -93,6 +102,10 @@ def plan(
     from bench.plan import make_plan
 
     study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
+    if demos is not None:
+        from bench.experiments import learning_from
+
+        study = learning_from(study, demos)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     made = make_plan(study, out, count)
     if as_json:

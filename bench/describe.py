@@ -81,12 +81,11 @@ def _parameters(method: Any, config: Any, task: str) -> int:
 
 
 def _preset(name: str) -> dict[str, Any]:
-    from bench.experiments import cells_of
+    from bench.experiments import cells_of, recipes_of
     from bench.presets import get_preset
-    from tasks.demos import demos_key
 
     study = get_preset(name)
-    cells = cells_of(study, {task: demos_key(get_task(task)) for task in study.tasks})
+    cells = cells_of(study, recipes_of(study))
     return {
         "name": name,
         "note": study.note,

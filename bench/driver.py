@@ -21,15 +21,15 @@ import numpy as np
 
 from bench.backend import Call, Failure, Interrupts, Workers, answers, workers
 from bench.controller import Controller, train_controller
-from bench.experiments import cells_of, chosen_sizes, first_wave
+from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
 from bench.presets import Study
 from bench.progress import Cost, Progress
 from bench.rollout import FeedbackPolicy, TrackedMotion
-from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store
 from methods.base import ActionMethod, Method, MotionMethod, Parameters
 from tasks.data import Demos, Episodes, Starts
-from tasks.demos import TRAINING, demos_key, demos_path, load_demos, record
+from tasks.demos import TRAINING, demos_path, load_demos, record, split
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
@@ -68,7 +68,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     """
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
-    recipes = {task: demos_key(get_task(task)) for task in study.tasks}
+    recipes = recipes_of(study)
     # The largest study there can be, so that what does not exist is refused before anything runs.
     cells_of(study, recipes)
     with _running(folder, where) as runner:
@@ -161,11 +161,7 @@ class _Runner:
             "fits",
             fit_job,
             seed_blocks(fit for fit in missing if fit.method != EXPERT),
-            lambda fits: (
-                fits,
-                training_demos(fits[0].task, fits[0].demos),
-                validation_demos(fits[0].task),
-            ),
+            lambda fits: (fits, training_demos(fits[0]), validation_demos(fits[0])),
             lambda fit, result: self.store.add_fit(fit, result[0], result[1], _facts(result[2])),
         )
 
@@ -187,7 +183,7 @@ class _Runner:
 
         Nothing where the fit or the controller is not there: its failure has been noted.
         """
-        starts = _starts(cell.evaluation, cell.episodes)
+        starts = _starts(cell)
         stored = self.store.episodes(cell.fit, cell.evaluation)
         found = 0 if stored is None else len(stored)
         tracked = cell.controller is None or self.store.has_controller(cell.controller)
@@ -335,24 +331,24 @@ def _cost(group: Sequence[Any]) -> Cost:
     return Cost(first.cell.fit.task, len(first.starts))
 
 
-def _demos(task: str) -> Demos:
-    return _demos_at(demos_path(get_task(task)), task)
+def training_demos(of: Fit | ControllerSpec) -> Demos:
+    """Returns the training demonstrations that something learns from, made if need be."""
+    return _demos(of)[0][: of.demos]
+
+
+def validation_demos(of: Fit | ControllerSpec) -> Demos:
+    """Returns the validation demonstrations that go with them, made if need be."""
+    return _demos(of)[1]
+
+
+def _demos(of: Fit | ControllerSpec) -> tuple[Demos, Demos]:
+    return _demos_at(demos_path(get_task(of.task), of.recipe), of.task, of.recipe)
 
 
 @cache
-def _demos_at(path: Path, task: str) -> Demos:
-    """The demonstrations that the cache keeps there: another expert's would lie elsewhere."""
-    return load_demos(get_task(task))
-
-
-def training_demos(task: str, n: int) -> Demos:
-    """Returns the first n training demonstrations of a task, made if need be."""
-    return _demos(task)[:n]
-
-
-def validation_demos(task: str) -> Demos:
-    """Returns the validation demonstrations of a task, made if need be."""
-    return _demos(task)[TRAINING:]
+def _demos_at(path: Path, task: str, recipe: str) -> tuple[Demos, Demos]:
+    """The demonstrations that the cache keeps there: in another cache they would lie elsewhere."""
+    return split(load_demos(get_task(task), recipe))
 
 
 def _controller_demos(spec: ControllerSpec) -> Demos:
@@ -361,18 +357,19 @@ def _controller_demos(spec: ControllerSpec) -> Demos:
     if spec.physics != NOMINAL:
         starts = task.sample("demo", spec.demos)
     elif spec.raw:
-        starts = training_demos(spec.task, spec.demos).starts
+        starts = training_demos(spec).starts
     else:
-        return training_demos(spec.task, spec.demos)
+        return training_demos(spec)
     expert = load_expert(task).policy
     return record(task, starts, expert, spec.physics, failures=spec.failures, raw=spec.raw)[1]
 
 
-def _starts(evaluation: Evaluation, episodes: int) -> Starts:
+def _starts(cell: Cell) -> Starts:
     """The first starts of an evaluation; there are as many validation starts as demonstrations."""
+    evaluation = cell.evaluation
     if evaluation.split == VALIDATION:
-        return validation_demos(evaluation.task).starts[:episodes]
-    return get_task(evaluation.task).sample(evaluation.split, episodes)
+        return validation_demos(cell.fit).starts[: cell.episodes]
+    return get_task(evaluation.task).sample(evaluation.split, cell.episodes)
 
 
 def _facts(seconds: float) -> dict[str, Any]:

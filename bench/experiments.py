@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import product
+from pathlib import Path
 from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -14,9 +15,10 @@ from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod, Method
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
+from tasks.demos import adopt_demos, demos_key, load_demos, split
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, PHYSICS, READINGS, VARIATIONS
-from tasks.registry import APPENDIX, JUDGED_OTHERWISE, PUBLISHED
+from tasks.registry import APPENDIX, JUDGED_OTHERWISE, PUBLISHED, get_task
 
 Recipes = Mapping[str, str]
 """By task, the key of what its demonstrations are made from."""
@@ -25,6 +27,25 @@ Sizes = Mapping[tuple[str, str], str]
 
 EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
 ROBUSTNESS = "robustness"
+
+
+def recipes_of(study: Study) -> Recipes:
+    """Returns the keys of the demonstrations that a study learns from."""
+    return {task: study.recipes.get(task) or demos_key(get_task(task)) for task in study.tasks}
+
+
+def learning_from(study: Study, file: Path) -> Study:
+    """Returns the study with the demonstrations of a file in place of the expert's.
+
+    Raises:
+        InputError: the study is of several tasks, or the file is refused, see `adopt_demos`.
+    """
+    if len(study.tasks) != 1:
+        raise InputError(f"{file} holds demonstrations of one task: choose it with --tasks")
+    (name,) = study.tasks
+    recipe = adopt_demos(get_task(name), file)
+    training, _ = split(load_demos(get_task(name), recipe))
+    return replace(study, recipes={name: recipe}, demos=min(study.demos, len(training)))
 
 
 def sizes(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
@@ -209,7 +230,8 @@ def _chosen_fits(
     """The expert, and each method at its size, for each task."""
     fits = []
     for task in study.tasks:
-        fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, recipes[task]))
+        own = demos_key(get_task(task))
+        fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, own))
         for name in study.methods:
             size = _size(study, get_method(name), task, chosen)
             fits += _fits(study, task, name, size, recipes, demos=demos)

@@ -17,7 +17,7 @@ from time import perf_counter
 import numpy as np
 
 from bench.controller import ControllerConfig, train_controller
-from bench.experiments import cells_of
+from bench.experiments import cells_of, recipes_of
 from bench.presets import Study
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
 from bench.store import Store
@@ -76,8 +76,7 @@ class Plan:
 
 def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     """Returns what a study will cost, given what its results folder already holds."""
-    recipes = {task: demos.demos_key(get_task(task)) for task in study.tasks}
-    cells = cells_of(study, recipes)
+    cells = cells_of(study, recipes_of(study))
     store = Store(folder)
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
     controllers = {cell.controller.key: cell.controller for cell in cells if cell.controller}
@@ -131,9 +130,17 @@ def _missing(store: Store, cell: Cell) -> int:
     """How many episodes of a cell are not there yet."""
     wanted = cell.episodes
     if cell.evaluation.split == VALIDATION:
-        wanted = min(wanted, demos.VALIDATION)
+        wanted = min(wanted, _validation_count(cell.fit))
     stored = store.episodes(cell.fit, cell.evaluation)
     return max(0, wanted - (0 if stored is None else len(stored)))
+
+
+def _validation_count(fit: Fit) -> int:
+    """How many validation starts there are, without making demonstrations that are not there."""
+    task = get_task(fit.task)
+    if fit.recipe == demos.demos_key(task):
+        return demos.VALIDATION
+    return len(demos.split(demos.load_demos(task, fit.recipe))[1])
 
 
 # Calibration

@@ -24,6 +24,8 @@ class Study:
     """Variants that `audit` compares, all unless told."""
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
     demos: int = 200
+    recipes: Mapping[str, str] = field(default_factory=dict)
+    """By task, the key of demonstrations to learn from in place of the expert's."""
     epochs_share: float = 1.0
     """Share of a method's epochs, where its config has such a field."""
     settings: Mapping[tuple[str, str], Any] = field(default_factory=dict)

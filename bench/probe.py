@@ -16,7 +16,7 @@ from methods.base import MotionMethod, Parameters
 from methods.kodex import Kodex
 from tasks.base import Task
 from tasks.data import Demos, FloatArray
-from tasks.demos import TRAINING, VALIDATION, make_demos
+from tasks.demos import TRAINING, VALIDATION, make_demos, split
 from tasks.simulator import Policy, rollout
 
 
@@ -54,7 +54,7 @@ def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -
         config: how the controller is trained.
     """
     demos = make_demos(task, expert, TRAINING + VALIDATION)
-    training, validation = demos[:TRAINING], demos[TRAINING:]
+    training, validation = split(demos)
     controller = Controller(train_controller(config, training, task.name))
     kodex = Kodex(Kodex.sizes["single"], task.layout)
     kodex.fit(training, validation, 0)

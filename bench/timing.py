@@ -53,6 +53,6 @@ def time_fit(fit: Fit) -> float:
     epochs = fit.config.get("epochs", 1)
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
-    demos, validation = training_demos(fit.task, fit.demos), validation_demos(fit.task)
+    demos, validation = training_demos(fit), validation_demos(fit)
     ((_, _, seconds),) = fit_job([replace(fit, config=config)], demos, validation)
     return seconds * epochs / timed

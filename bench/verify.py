@@ -12,10 +12,10 @@ from scipy.stats import binomtest
 from bench.backend import Workers
 from bench.controller import NO_CONTROLLER, ControllerConfig
 from bench.driver import run_cells
-from bench.spec import Cell, ControllerSpec, Evaluation, Fit
+from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import CONDITIONS, Store
 from tasks.data import generator
-from tasks.demos import demos_key
+from tasks.demos import demos_key, demos_path
 from tasks.errors import InputError
 from tasks.registry import get_task
 
@@ -111,7 +111,9 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
         InputError: it is from other demonstrations than this installation makes.
     """
     fit = Fit(**{field.name: row[field.name] for field in fields(Fit)})
-    if fit.recipe != demos_key(get_task(fit.task)):
+    task = get_task(fit.task)
+    kept = fit.method != EXPERT and demos_path(task, fit.recipe).exists()
+    if fit.recipe != demos_key(task) and not kept:
         raise InputError(
             f"{fit.label} learnt from other demonstrations than this installation makes: of"
             " another expert, task or version of MuJoCo"

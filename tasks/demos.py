@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from tasks.base import Task
@@ -130,18 +131,79 @@ def demos_key(task: Task) -> str:
     )
 
 
-def load_demos(task: Task) -> Demos:
-    """Returns the task's 250 demonstrations: from the cache, else made anew and put there.
+def load_demos(task: Task, recipe: str | None = None) -> Demos:
+    """Returns demonstrations of a task from the cache.
 
-    The first 200 are for training, the other 50 for validation. A cached file whose SHA-256 is
-    not the one noted beside it is made anew.
+    The expert's 250 are made anew where the cache has none whose SHA-256 is the one noted beside
+    it.
+
+    Args:
+        task: what they show.
+        recipe: their key, as `demos_key` or `adopt_demos` gave it; the expert's unless told.
+
+    Raises:
+        InputError: the cache has lost demonstrations that came from a file.
     """
-    path = demos_path(task)
+    path = demos_path(task, recipe)
     data = _read(path)
     if data is None:
+        if path != demos_path(task):
+            raise InputError(
+                f"the demonstrations of {task.name} that were once in {path} are missing or"
+                " damaged: give their file again with --demos"
+            )
+        if path.exists():
+            print(f"{path} is damaged: it is made anew", file=sys.stderr)
         save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
         data = path.read_bytes()
     return _from_bytes(task, data)
+
+
+def split(demos: Demos) -> tuple[Demos, Demos]:
+    """Returns the first four fifths, to train on, and the rest, for validation."""
+    training = len(demos) * TRAINING // (TRAINING + VALIDATION)
+    return demos[:training], demos[training:]
+
+
+def adopt_demos(task: Task, file: Path) -> str:
+    """Puts demonstrations of a file into the cache; returns the key that they have there.
+
+    Args:
+        task: what they show.
+        file: as `save_demos` writes it.
+
+    Raises:
+        InputError: it is no such file, is damaged, or is of other dimensions than the task.
+    """
+    data = _read(file)
+    if data is None:
+        raise InputError(
+            f"{file} is not what `bench demos import` writes, or not what its SHA-256 says"
+        )
+    try:
+        found = _from_bytes(task, data)
+    except (SafetensorError, KeyError, AttributeError) as error:
+        raise InputError(f"{file} holds no demonstrations: {error}") from error
+    layout = task.layout
+    wanted = {
+        "states": (task.horizon, layout.state_dim),
+        "velocities": (task.horizon, layout.robot_dim),
+        "actions": (task.steps, layout.action_dim),
+    }
+    for name, shape in wanted.items():
+        if getattr(found, name).shape[1:] != shape:
+            raise InputError(
+                f"{file}: {name} of {task.name} have shape {shape} in each demonstration, got"
+                f" {getattr(found, name).shape[1:]}"
+            )
+    if not all(map(len, split(found))):
+        raise InputError(f"{file} holds {len(found)} demonstrations, too few to keep some back")
+    task.check_starts(found.starts)
+    recipe = key("demos file", hashlib.sha256(data).hexdigest())
+    path = demos_path(task, recipe)
+    if _read(path) != data:
+        save_demos(found, path)
+    return recipe
 
 
 def save_demos(demos: Demos, path: Path) -> None:
@@ -151,9 +213,10 @@ def save_demos(demos: Demos, path: Path) -> None:
     _write(path, data)
 
 
-def demos_path(task: Task) -> Path:
-    """Returns where the cache keeps the task's demonstrations."""
-    return cache_folder() / "demos" / f"{task.name}-{demos_key(task)[:16]}.safetensors"
+def demos_path(task: Task, recipe: str | None = None) -> Path:
+    """Returns where the cache keeps the demonstrations of that key, the expert's unless told."""
+    name = f"{task.name}-{(recipe or demos_key(task))[:16]}.safetensors"
+    return cache_folder() / "demos" / name
 
 
 def cache_folder() -> Path:
@@ -165,15 +228,12 @@ def cache_folder() -> Path:
 
 
 def _read(path: Path) -> bytes | None:
-    """The bytes of a cached file, or None if it is missing or damaged."""
+    """The bytes of a file of demonstrations, or None if it is missing or damaged."""
     digest = path.with_suffix(".sha256")
     if not (path.exists() and digest.exists()):
         return None
     data = path.read_bytes()
-    if hashlib.sha256(data).hexdigest() == digest.read_text():
-        return data
-    print(f"{path} is damaged: it is made anew", file=sys.stderr)
-    return None
+    return data if hashlib.sha256(data).hexdigest() == digest.read_text() else None
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -1,6 +1,8 @@
 """`bench run` and `bench report` as a user meets them, on a small random expert."""
 
+import hashlib
 import json
+import re
 import sys
 from dataclasses import replace
 
@@ -17,6 +19,7 @@ from bench.presets import get_preset
 from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
+from tasks.demos import load_demos, save_demos
 from tasks.errors import InputError
 from tasks.masses import READINGS, VARIATIONS
 
@@ -164,6 +167,66 @@ class TestInProcess:
         assert files_of(small / "report") == files_of(out / "report")
         page = "report/index.html"
         assert (small / page).read_bytes() == (out / page).read_bytes()
+
+    def test_demonstrations_of_a_file_take_the_place_of_the_experts(
+        self, task, smoke, bench, tmp_path
+    ):
+        file, out = tmp_path / "mine.safetensors", tmp_path / "results"
+        save_demos(load_demos(task)[:5], file)
+        run = ("run", "smoke", "--jobs", "1", "--out", str(out), "--demos", str(file))
+        code, said, _ = bench(*run)
+        assert (code, said.split(",")[0]) == (0, "7 results computed")
+        frame = Store(out).frame()
+        assert set(frame[frame.method == "kodex"].demos) == {3}
+        assert set(frame[frame.split == "validation"].episodes) == {2}
+        assert bench(*run)[1].startswith("0 results computed")
+        plan = json.loads(bench("plan", *run[1:], "--json")[1])
+        assert (plan["missing_fits"], plan["missing_evaluations"]) == (0, 0)
+        assert bench("verify", str(out), "--jobs", "1", "--cells", "9")[0] == 0
+        bench(*run[:-2])
+        frame = Store(out).frame()
+        assert frame[frame.method == "kodex"].groupby("demos").recipe.nunique().to_dict() == {
+            3: 1,
+            6: 1,
+        }
+        assert frame[frame.method == "kodex"].recipe.nunique() == 2
+
+    @pytest.mark.parametrize(
+        ("options", "answer"),
+        [
+            (("smoke", "--tasks", "relocation"), "'relocation'|have shape"),
+            (("quick",), "demonstrations of one task: choose it with --tasks"),
+        ],
+    )
+    def test_demonstrations_of_another_task_are_refused(
+        self, task, smoke, bench, tmp_path, options, answer
+    ):
+        file, out = tmp_path / "mine.safetensors", tmp_path / "results"
+        save_demos(load_demos(task), file)
+        code, _, error = bench("run", *options, "--out", str(out), "--demos", str(file))
+        assert code == 2
+        assert re.search(answer, error)
+        assert not out.exists()
+
+    @pytest.mark.parametrize("harm", ["flipped", "no file", "other content"])
+    def test_a_file_without_sound_demonstrations_is_refused(
+        self, task, smoke, bench, tmp_path, harm
+    ):
+        file, out = tmp_path / "mine.safetensors", tmp_path / "results"
+        save_demos(load_demos(task), file)
+        data = file.read_bytes()
+        if harm == "flipped":
+            file.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+        elif harm == "no file":
+            file.unlink()
+        else:
+            file.write_bytes(b"not safetensors")
+            digest = hashlib.sha256(b"not safetensors").hexdigest()
+            file.with_suffix(".sha256").write_text(digest)
+        code, _, error = bench("run", "smoke", "--out", str(out), "--demos", str(file))
+        assert code == 2
+        assert str(file) in error
+        assert not out.exists()
 
     def test_parts_pack_into_one(self, task, smoke, bench, tmp_path, files_of):
         whole, part, more = (tmp_path / name for name in ("whole", "part", "more"))

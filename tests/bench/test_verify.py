@@ -35,6 +35,7 @@ def test_results_that_are_not_found_again_are_named(task, smoke, bench, tmp_path
 def test_results_from_other_demonstrations_are_refused(task, smoke, bench, tmp_path, monkeypatch):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
     monkeypatch.setattr(module, "demos_key", lambda task: "other")
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "empty"))
     code, _, error = bench("verify", str(tmp_path), "--jobs", "1")
     assert code == 2
     assert "learnt from other demonstrations" in error
