@@ -64,6 +64,7 @@ PRESETS = {
         episodes={"sizes": 50, "success": 200, "ood": 200, "stability": 50},
         seeds=(1,),
         epochs_share=0.1,
+        controller=ControllerConfig(epochs=75),
         note=REDUCED,
     ),
     "paper": Study(
