@@ -24,8 +24,7 @@ _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 @dataclass(frozen=True)
 class ControllerConfig:
-    """Appendix G, Table 6. The batch size, which it does not give, is that of the lowest error on
-    validation demonstrations of 8, 16, 32 and 128 (docs/protocol.md)."""
+    """Appendix G, Table 6; it gives no batch size, chosen in docs/protocol.md."""
 
     hidden: tuple[int, ...] = (4, 4, 2)
     """Widths of the ReLU layers, in multiples of H."""

@@ -314,6 +314,25 @@ def _check_settings(study: Study) -> None:
         if not _is(value, hint):
             shown = hint.__name__ if isinstance(hint, type) else hint
             raise InputError(f"{name}.{field} takes {shown}, got {value!r}")
+        for experiment, swept in _swept(study, get_method(name)).items():
+            if field in swept and experiment in study.episodes:
+                raise InputError(
+                    f"{name}.{field} is what {experiment} compares: leave that out with"
+                    " --experiments, or the setting"
+                )
+
+
+def _swept(study: Study, method: type[Method]) -> dict[str, set[str]]:
+    """By experiment, the config fields that it gives several values to."""
+    variants = {"audit": _audited(study, method), "lifting": LIFTING_VARIANTS}
+    swept = {
+        experiment: {field for name in names for field in method.variants.get(name, ())}
+        for experiment, names in variants.items()
+    }
+    configs = [asdict(method.sizes[size]) for size in _sizes(study, method)]
+    first = configs[0] if configs else {}
+    differ = {field for config in configs for field in first if config[field] != first[field]}
+    return swept | {"sizes": differ}
 
 
 def _is(value: Any, hint: Any) -> bool:

@@ -365,6 +365,22 @@ class TestInProcess:
         assert not (out / "cells").exists()
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "experiment"),
+    [
+        (("kodex", "observables"), 2, "lifting"),
+        (("lstm", "teacher_forced"), True, "audit"),
+        (("ndp", "hidden"), [8], "sizes"),
+    ],
+)
+def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
+    study = replace(get_preset("paper"), settings={place: value})
+    with pytest.raises(InputError, match=f"is what {experiment} compares"):
+        cells_of(study, dict.fromkeys(study.tasks, "recipe"))
+    others = {name: 10 for name in study.episodes if name not in (experiment, "audit")}
+    assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "recipe"))
+
+
 def test_experts_are_evaluated_once_for_all_methods():
     study = get_preset("paper")
     cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
