@@ -56,11 +56,18 @@ def same(uninterrupted, files_of):
     return compare
 
 
-@pytest.mark.parametrize("backend", ["loky", "dask"])
-def test_jobs_threads_and_backends_make_no_difference(same, tmp_path, backend):
-    options = ("--out", str(tmp_path), "--jobs", "2", "--backend", backend)
-    assert start(*options, OMP_NUM_THREADS="2").wait() == 0
-    assert same(tmp_path)
+# Backend, jobs and threads; only the full count tries those after the second.
+PLACES = (("loky", 2, 2), ("dask", 2, 2), ("loky", 4, 1), ("loky", 1, 2), ("sequential", 1, 2))
+
+
+def test_jobs_threads_and_backends_make_no_difference(same, tmp_path, times, figure):
+    places = PLACES[: 2 if times == 1 else None]
+    for backend, jobs, threads in places:
+        out = tmp_path / f"{backend}-{jobs}-{threads}"
+        options = ("--out", str(out), "--jobs", str(jobs), "--backend", backend)
+        assert start(*options, OMP_NUM_THREADS=str(threads)).wait() == 0
+        assert same(out)
+    figure("places that make no difference", len(places))
 
 
 @pytest.mark.parametrize("harm", [signal.SIGKILL, signal.SIGINT])
