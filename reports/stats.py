@@ -101,18 +101,20 @@ def interquartile_mean(
 ) -> tuple[float, float, float]:
     """Returns the interquartile mean over tasks and seeds of success, and its 95% interval.
 
-    The bootstrap is stratified: the seeds are drawn again within each task.
+    The bootstrap is stratified: within each task seeds are drawn again, and of each its episodes.
 
     Args:
         outcomes: for each task, (S, N) success of each seed's fit from each start.
         name: of what is estimated: the resamples are drawn for it.
         resamples: how many.
     """
-    rates = [task.mean(axis=1) for task in outcomes]
     rng = generator("interquartile mean", str(name))
-    drawn = np.concatenate(
-        [task[rng.integers(len(task), size=(resamples, len(task)))] for task in rates], axis=1
-    )
-    means = trim_mean(drawn, 0.25, axis=1)
+    drawn = []
+    for task in outcomes:
+        seeds, episodes = task.shape
+        rates = task.mean(axis=1)[rng.integers(seeds, size=(resamples, seeds))]
+        drawn.append(rng.binomial(episodes, rates) / episodes)
+    means = trim_mean(np.concatenate(drawn, axis=1), 0.25, axis=1)
     low, high = np.quantile(means, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return float(trim_mean(np.concatenate(rates), 0.25)), float(low), float(high)
+    value = trim_mean(np.concatenate([task.mean(axis=1) for task in outcomes]), 0.25)
+    return float(value), float(low), float(high)

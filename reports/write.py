@@ -13,6 +13,7 @@ from reports.style import style
 
 MODULES = (
     "unseen",
+    "all_tasks",
     *(f"table_{number}" for number in range(1, 7)),
     "figure_5",
     *(f"table_{number}" for number in range(7, 12)),

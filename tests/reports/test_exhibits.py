@@ -67,6 +67,7 @@ def test_an_exhibit_has_a_table_for_people_and_a_caption(exhibit: Exhibit, resul
 
 EXPECTED = {
     "unseen": (6, 4),
+    "all_tasks": (6, 2),
     "table_1": (1, 4),
     "table_2": (3, 4),
     "table_5": (3, 4),
