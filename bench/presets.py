@@ -61,7 +61,7 @@ PRESETS = {
         note=REDUCED,
     ),
     "quick": Study(
-        episodes={"sizes": 50, "success": 200, "ood": 200, "stability": 50},
+        episodes={"sizes": 50, "success": 200, "ood": 200, "lifting": 200, "stability": 50},
         seeds=(1,),
         epochs_share=0.1,
         controller=ControllerConfig(epochs=75),
