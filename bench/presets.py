@@ -64,7 +64,6 @@ PRESETS = {
         episodes={"sizes": 50, "success": 200, "ood": 200, "lifting": 200, "stability": 50},
         seeds=(1,),
         epochs_share=0.1,
-        controller=ControllerConfig(epochs=75),
         note=REDUCED,
     ),
     "paper": Study(
