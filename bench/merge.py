@@ -58,6 +58,9 @@ def _copy_cell(source: Path, target: Store, folder: Path) -> None:
         there = folder / path.name
         if not there.exists() or _episodes(there) < _episodes(path):
             target.write(there, path.read_bytes())
+    times = source / "times.json"
+    if times.exists() and not (folder / times.name).exists():
+        target.write(folder / times.name, times.read_bytes())
 
 
 def _episodes(path: Path) -> int:

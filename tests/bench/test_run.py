@@ -105,10 +105,15 @@ class TestInProcess:
         bench(*options, "--out", str(a), "--experiments", "sizes,stability")
         bench(*options, "--out", str(b), "--experiments", "success", "--episodes", "4")
         bench(*options, "--out", str(c), "--experiments", "success,ood")
+        bench("time", str(c))
         code, said, _ = bench("merge", str(a), str(b), str(c), "--out", str(tmp_path / "out"))
         assert (code, said) == (0, f"2 fits in {tmp_path / 'out'}\n")
         assert files_of(tmp_path / "out") == files_of(whole)
-        pd.testing.assert_frame_equal(Store(tmp_path / "out").frame(), Store(whole).frame())
+        merged, alone = Store(tmp_path / "out").frame(), Store(whole).frame()
+        assert (merged[merged.method == "kodex"].fit_seconds > 0).all()
+        pd.testing.assert_frame_equal(
+            merged.drop(columns="fit_seconds"), alone.drop(columns="fit_seconds")
+        )
 
     def test_what_was_not_run_alike_is_not_merged(self, task, smoke, bench, tmp_path):
         for name, value in (("a", 1), ("b", 2)):
