@@ -1,13 +1,12 @@
-"""`bench status`, `verify` and `doctor`: how a run is getting on, and what machine it is on."""
+"""`bench status` and `doctor`: how a run is getting on, and what machine it is on."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.options import SOME_FAILED, AsJson
+from bench.options import AsJson
 
 
 def status(
@@ -27,33 +26,6 @@ def status(
     print("evaluations: {evaluations_done} of {evaluations} done".format(**counts))
     for failure in failures:
         print("failed ({tries} tries): {label}: {reason}".format(**failure))
-
-
-def verify(
-    folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
-    cells: Annotated[int, typer.Option(min=1, help="Evaluations, drawn at random.")] = 3,
-    episodes: Annotated[int, typer.Option(min=1, help="Of each, at most.")] = 500,
-    draw: Annotated[int, typer.Option(help="Another number draws others.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time.")] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Fit and evaluate some of the stored results again; exit code 3 if they are other ones."""
-    from bench.backend import Workers
-    from bench.driver import default_jobs
-    from bench.verify import OUTSIDE
-    from bench.verify import verify as verify_results
-
-    found = verify_results(folder, cells, episodes, draw, Workers(jobs or default_jobs()))
-    if as_json:
-        print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))
-    else:
-        for one in found:
-            print(
-                f"{one.verdict}: {one.fit} {one.evaluation}: {one.stored} of {one.episodes} stored,"
-                f" {one.again} again, {one.differ} episodes differ"
-            )
-    if any(one.verdict == OUTSIDE for one in found):
-        raise typer.Exit(SOME_FAILED)
 
 
 def doctor(

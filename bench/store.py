@@ -392,6 +392,9 @@ class Source(Protocol):
     def notes(self) -> list[str]:
         """See `Store.notes`."""
 
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """See `Store.controller_spec`."""
+
 
 def episodes_table(source: Source) -> pd.DataFrame:
     """Returns all that `Store.outcomes` returns, under the names of `frame`, see `bench.load`."""

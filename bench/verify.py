@@ -13,7 +13,7 @@ from bench.backend import Workers
 from bench.controller import NO_CONTROLLER, ControllerConfig
 from bench.driver import run_cells
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
-from bench.store import CONDITIONS, Store
+from bench.store import CONDITIONS, Source, Store
 from tasks.data import generator
 from tasks.demos import demos_key, demos_path
 from tasks.errors import InputError
@@ -46,49 +46,48 @@ class Verdict:
         return WITHIN if within else OUTSIDE
 
 
-def verify(folder: Path, count: int, episodes: int, draw: int, where: Workers) -> list[Verdict]:
+def verify(source: Source, count: int, episodes: int, draw: int, where: Workers) -> list[Verdict]:
     """Fits and evaluates some stored evaluations again, from nothing, and compares.
 
     Args:
-        folder: results of `bench run`.
+        source: the results.
         count: how many evaluations, drawn at random.
         episodes: of each, at most.
         draw: another number draws others.
         where: who does the jobs.
 
     Raises:
-        InputError: the folder holds no results, or they are from other demonstrations than this
+        InputError: there are no results, or they are from other demonstrations than this
             installation makes.
     """
-    store = Store(folder)
-    rows = store.frame().to_dict("records")
+    rows = source.frame().to_dict("records")
     order = generator("verify", draw).permutation(len(rows))[:count]
     chosen = [rows[index] for index in sorted(order)]
-    cells = [stored_cell(store, row, episodes) for row in chosen]
+    cells = [stored_cell(source, row, episodes) for row in chosen]
     with TemporaryDirectory() as place:
         outcome = run_cells(cells, Path(place), where)
         if outcome.failed:
             raise InputError("; ".join(outcome.failed))
-        return _compare(store, Store(Path(place)), chosen, cells)
+        return _compare(source, Store(Path(place)), chosen, cells)
 
 
 def _compare(
-    store: Store, again: Store, rows: Sequence[dict[str, Any]], cells: Sequence[Cell]
+    source: Source, again: Store, rows: Sequence[dict[str, Any]], cells: Sequence[Cell]
 ) -> list[Verdict]:
     verdicts = []
     for row, cell in zip(rows, cells, strict=True):
         new = again.episodes(cell.fit, cell.evaluation)
         assert new is not None
         new = new[["start", "success", "diverged", "steps"]]
-        old = store.outcomes(row).iloc[: len(new)]
+        old = source.outcomes(row).iloc[: len(new)]
         differ = int(np.any(old.to_numpy() != new.to_numpy(), axis=1).sum())
         counts = (len(new), int(old.success.sum()), int(new.success.sum()), differ)
         verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts))
     return verdicts
 
 
-def stored_cell(store: Store, row: Mapping[str, Any], episodes: int) -> Cell:
-    """Returns the cell of a row of `Store.frame`, with at most so many episodes.
+def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:
+    """Returns the cell of a row of a source's frame, with at most so many episodes.
 
     Raises:
         InputError: it is from other demonstrations than this installation makes.
@@ -98,7 +97,7 @@ def stored_cell(store: Store, row: Mapping[str, Any], episodes: int) -> Cell:
     evaluation = Evaluation(fit.task, **{name: row[name] for name in conditions})
     controller = None
     if evaluation.controller != NO_CONTROLLER:
-        spec = store.controller_spec(evaluation.controller_key)
+        spec = source.controller_spec(evaluation.controller_key)
         config = spec["config"] | {"hidden": tuple(spec["config"]["hidden"])}
         controller = ControllerSpec(**(spec | {"config": ControllerConfig(**config)}))
     return Cell(fit, evaluation, min(episodes, row["episodes"]), controller)

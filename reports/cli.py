@@ -1,12 +1,14 @@
-"""`bench report`, `pack` and `compare`: stored results to tables and figures."""
+"""`bench report`, `pack`, `compare`, `verify` and `video`: what becomes of stored results."""
 
+import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.options import AsJson, TaskName
+from bench.options import SOME_FAILED, AsJson, TaskName
 from tasks.errors import InputError
 
 Beside = Annotated[
@@ -26,14 +28,11 @@ def report(
 ) -> None:
     """Write the tables, figures and page of stored results, or of those that are shipped."""
     from bench.store import episodes_table
-    from reports.reference import shipped
     from reports.results import Results
     from reports.write import write_report
 
-    if (folder is None) is not reference:
-        raise InputError("a report is of a results folder, or of --reference: give one of them")
+    source = _one_of(folder, reference)
     place = out or (Path("report") if folder is None else folder / "report")
-    source = folder or shipped()
     results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()
@@ -72,6 +71,47 @@ def compare(
         print(table.to_json(orient="records"))
     else:
         print(table.to_markdown(index=False, floatfmt=".3g"))
+
+
+def verify(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Of `bench run` or `bench pack`; else --reference.")
+    ] = None,
+    reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
+    cells: Annotated[int, typer.Option(min=1, help="Evaluations, drawn at random.")] = 3,
+    episodes: Annotated[int, typer.Option(min=1, help="Of each, at most.")] = 500,
+    draw: Annotated[int, typer.Option(help="Another number draws others.")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit and evaluate some of the stored results again; exit code 3 if they are other ones."""
+    from bench.backend import Workers
+    from bench.driver import default_jobs
+    from bench.verify import OUTSIDE
+    from bench.verify import verify as verify_results
+    from reports.reference import open_results
+
+    source = open_results(_one_of(folder, reference))
+    found = verify_results(source, cells, episodes, draw, Workers(jobs or default_jobs()))
+    if as_json:
+        print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))
+    else:
+        for one in found:
+            print(
+                f"{one.verdict}: {one.fit} {one.evaluation}: {one.stored} of {one.episodes} stored,"
+                f" {one.again} again, {one.differ} episodes differ"
+            )
+    if any(one.verdict == OUTSIDE for one in found):
+        raise typer.Exit(SOME_FAILED)
+
+
+def _one_of(folder: Path | None, reference: bool) -> Path:
+    """The folder, or that of the shipped results."""
+    from reports.reference import shipped
+
+    if (folder is None) is not reference:
+        raise InputError("this is about a results folder, or --reference: give one of them")
+    return folder or shipped()
 
 
 def video(

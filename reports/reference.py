@@ -5,7 +5,8 @@ A folder holds::
     evaluations.parquet      one row each, as `bench.store.Store.frame` gives them
     episodes.parquet         evaluation (its row above), start, success, diverged, steps
     diagnostics.safetensors  of each fit, under "<folder>/<name>"
-    provenance.json          what a reader must know, and by fit its times, host and versions
+    provenance.json          what a reader must know, by fit its times, host and versions, and by
+                             key what the controllers have learnt from
 """
 
 import json
@@ -49,7 +50,12 @@ def pack(folders: Sequence[Path], out: Path) -> None:
     arrays = {
         f"{fit}/{name}": values for fit in fits for name, values in results.diagnostics(fit).items()
     }
-    facts = {"notes": results.notes(), "fits": {fit: results.facts(fit) for fit in fits}}
+    keys = [key for key in frame.controller_key.unique() if key]
+    facts = {
+        "notes": results.notes(),
+        "fits": {fit: results.facts(fit) for fit in fits},
+        "controllers": {key: results.controller_spec(key) for key in keys},
+    }
     out.mkdir(parents=True, exist_ok=True)
     episodes.to_parquet(out / "episodes.parquet", index=False, compression="zstd")
     table = frame.assign(config=frame.config.map(json.dumps))
@@ -107,6 +113,10 @@ class Packed:
         """See `bench.store.Store.notes`."""
         return list(self._provenance["notes"])
 
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """See `bench.store.Store.controller_spec`."""
+        return dict(self._provenance["controllers"][key])
+
     @cached_property
     def _evaluations(self) -> pd.DataFrame:
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
@@ -153,8 +163,8 @@ class Together:
             whole = whole.loc[sorted(most)]
             places = whole[_PLACE].itertuples(index=False, name=None)
             self._evaluations = dict(zip(places, whole.source, strict=True))
-            fits = whole.drop_duplicates("folder")
-            self._fits = dict(zip(fits.folder, fits.source, strict=True))
+            self._fits = _first_source(whole, "folder")
+            self._controllers = _first_source(whole, "controller_key")
         self._frame = whole.drop(columns="source").reset_index(drop=True)
 
     def frame(self) -> pd.DataFrame:
@@ -177,6 +187,10 @@ class Together:
     def notes(self) -> list[str]:
         """See `bench.store.Store.notes`."""
         return list(dict.fromkeys(note for source in self._sources for note in source.notes()))
+
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """See `bench.store.Store.controller_spec`."""
+        return self._sources[self._controllers[key]].controller_spec(key)
 
 
 class Beside(Together):
@@ -210,6 +224,12 @@ class Beside(Together):
 
 _FIT = ["task", "method", "variant", "size", "demos", "seed"]
 _PLACE = ["folder", *CONDITIONS]
+
+
+def _first_source(whole: pd.DataFrame, column: str) -> dict[str, int]:
+    """By value of a column, the first source that has it."""
+    first = whole.drop_duplicates(column)
+    return dict(zip(first[column], first.source, strict=True))
 
 
 def _check_alike(whole: pd.DataFrame) -> None:

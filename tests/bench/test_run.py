@@ -172,6 +172,8 @@ class TestInProcess:
         assert files_of(small / "report") == files_of(out / "report")
         page = "report/index.html"
         assert (small / page).read_bytes() == (out / page).read_bytes()
+        found = json.loads(bench("verify", str(small), "--jobs", "1", "--cells", "9", "--json")[1])
+        assert [one["verdict"] for one in found] == ["identical"] * 5
 
     def test_demonstrations_of_a_file_take_the_place_of_the_experts(
         self, task, smoke, bench, tmp_path
