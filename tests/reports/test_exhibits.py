@@ -117,6 +117,8 @@ def test_a_report_writes_each_exhibit_in_each_format(results, tmp_path):
     for exhibit in exhibits():
         for ending in ("csv", "md", "tex"):
             assert (tmp_path / f"tables/{exhibit.name}.{ending}").stat().st_size
+    claims = (tmp_path / "tables/claims.md").read_text()
+    assert "On Relocation, KODex does marginally better with set 2 than with set 3." in claims
     drawn = [exhibit for exhibit in exhibits() if exhibit.axis]
     for ending in ("png", "pdf", "svg"):
         assert len(list((tmp_path / "figures").glob(f"*.{ending}"))) == len(drawn)
