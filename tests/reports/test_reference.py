@@ -1,0 +1,49 @@
+"""The results that are shipped, and what the documents say of them."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from reports.reference import SHIPPED
+
+ROOT = Path(__file__).parents[2]
+REPORT = """
+import sys
+from bench.cli import main
+sys.argv = ["bench", "report", "--reference", "--out", sys.argv[1]]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+sys.exit(bool({"mujoco", "torch"} & set(sys.modules)))
+"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The folder of the report on the shipped results, made without MuJoCo and torch."""
+    folder = tmp_path_factory.mktemp("reference")
+    made = subprocess.run([sys.executable, "-c", REPORT, folder], capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    return folder
+
+
+def test_the_shipped_results_are_small():
+    assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 10 * 2**20
+
+
+def test_every_method_is_on_the_page(report):
+    assert set(pd.read_csv(report / "tables/unseen.csv").row) >= {"expert", "kodex", "nn", "ngf"}
+    assert "Reduced protocol" not in (report / "index.html").read_text()
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/results.md"])
+def test_the_tables_of_the_documents_are_those_of_the_report(report, page):
+    marked = re.findall(r"<!-- (\w+) -->\n\n((?:\|.*\n)+)", (ROOT / page).read_text())
+    assert marked
+    for name, table in marked:
+        assert table.strip() in (report / f"tables/{name}.md").read_text(), name
