@@ -282,7 +282,8 @@ class TestInProcess:
         assert [row["split"] for row in rows] == ["test", "ood"]
         assert json.loads(bench("compare", str(theirs), *pair)[1]) == rows
 
-    def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path):
+    def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path, monkeypatch):
+        monkeypatch.setattr("reports.reference.SHIPPED", tmp_path / "nothing")
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         code, _, error = bench("report", str(tmp_path), "--with-reference")
         assert code == 2
