@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -56,12 +57,17 @@ def pack(folders: Sequence[Path], out: Path) -> None:
         "fits": {fit: results.facts(fit) for fit in fits},
         "controllers": {key: results.controller_spec(key) for key in keys},
     }
-    out.mkdir(parents=True, exist_ok=True)
-    episodes.to_parquet(out / "episodes.parquet", index=False, compression="zstd")
     table = frame.assign(config=frame.config.map(json.dumps))
-    table.to_parquet(out / "evaluations.parquet", index=False)
-    save_file(arrays, out / "diagnostics.safetensors")
-    (out / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
+    out.mkdir(parents=True, exist_ok=True)
+    # Written elsewhere first: what is in out may be the only copy of a part.
+    with TemporaryDirectory(dir=out) as place:
+        new = Path(place)
+        episodes.to_parquet(new / "episodes.parquet", index=False, compression="zstd")
+        table.to_parquet(new / "evaluations.parquet", index=False)
+        save_file(arrays, new / "diagnostics.safetensors")
+        (new / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
+        for path in sorted(new.iterdir()):
+            path.replace(out / path.name)
 
 
 def open_results(folder: Path) -> Source:

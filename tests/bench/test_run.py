@@ -236,30 +236,26 @@ class TestInProcess:
         assert not out.exists()
 
     def test_parts_pack_into_one(self, task, smoke, bench, tmp_path, files_of):
-        whole, part, more = (tmp_path / name for name in ("whole", "part", "more"))
+        folders = [tmp_path / name for name in ("whole", "part", "more", "packed", "other")]
+        whole, part, more, packed, other = map(str, folders)
         run = ("run", "smoke", "--jobs", "1", "--out")
-        bench(*run, str(whole))
-        bench(*run, str(part), "--episodes", "5")
-        bench(*run, str(more), "--experiments", "success,ood")
-        bench("pack", str(whole), "--out", str(tmp_path / "at once"))
-        bench("pack", str(part), "--out", str(tmp_path / "packed"))
-        assert (
-            bench(
-                "pack",
-                *(str(tmp_path / n) for n in ("packed", "more")),
-                "--out",
-                str(tmp_path / "packed"),
-            )[0]
-            == 0
-        )
+        bench(*run, whole)
+        bench(*run, part, "--episodes", "5")
+        bench(*run, more, "--experiments", "success,ood")
+        bench("pack", part, "--out", packed)
+        assert bench("pack", packed, more, "--out", packed)[0] == 0
         episodes = pd.read_parquet(tmp_path / "packed/episodes.parquet")
         assert len(episodes) == 2 * (20 + 20) + 2
-        bench(*run, str(tmp_path / "other"), "--set", "kodex.cutoff=10")
-        code, _, error = bench(
-            "pack", *(str(tmp_path / n) for n in ("packed", "other")), "--out", str(tmp_path / "x")
-        )
+        for folder in (whole, packed):
+            bench("report", folder)
+        assert files_of(tmp_path / "packed/report") == files_of(tmp_path / "whole/report")
+        bench(*run, other, "--set", "kodex.cutoff=10")
+        code, _, error = bench("pack", packed, other, "--out", packed)
         assert code == 2
         assert "different results of door kodex described single" in error
+        pd.testing.assert_frame_equal(
+            episodes, pd.read_parquet(tmp_path / "packed/episodes.parquet")
+        )
 
     def test_shipped_results_are_laid_beside_those_of_a_run(
         self, task, smoke, bench, tmp_path, monkeypatch
