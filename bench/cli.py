@@ -92,9 +92,8 @@ def _print_task(facts: dict[str, Any]) -> None:
 
 def _print_method(facts: dict[str, Any]) -> None:
     print("{name}: {summary}, version {version}".format(**facts))
-    print(
-        f"predicts {facts['predicts']}" + ("" if facts["seeds"] else "; the seed changes nothing")
-    )
+    seed = "" if facts["seeds"] else "; the seed changes nothing"
+    print(f"predicts {facts['predicts']}{seed}")
     sizes = facts["sizes"]
     fields = list(next(iter(sizes.values())))
     rows = [

@@ -50,11 +50,9 @@ def run(
     from bench.driver import default_jobs
     from bench.driver import run as run_study
 
-    study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
-    if demos is not None:
-        from bench.experiments import learning_from
-
-        study = learning_from(study, demos)
+    study = _study(
+        preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
+    )
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     seconds = None if limit is None else 60 * _positive("limit", limit)
     try:
@@ -101,11 +99,9 @@ def plan(
     from bench.driver import default_jobs
     from bench.plan import make_plan
 
-    study = _study(preset, experiments, tasks, methods, sizes, variants, seeds, episodes, settings)
-    if demos is not None:
-        from bench.experiments import learning_from
-
-        study = learning_from(study, demos)
+    study = _study(
+        preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
+    )
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     made = make_plan(study, out, count)
     if as_json:
@@ -131,6 +127,7 @@ def _study(
     variants: str | None,
     seeds: str | None,
     episodes: int | None,
+    demos: Path | None,
     settings: list[str] | None,
 ) -> "Study":
     """The study that a command line asks for."""
@@ -158,6 +155,10 @@ def _study(
         study = replace(study, variants=tuple(variants.split(",")))
     if seeds is not None:
         study = replace(study, seeds=_seeds(seeds))
+    if demos is not None:
+        from bench.experiments import learning_from
+
+        study = learning_from(study, demos)
     return replace(study, settings=_settings(settings or []))
 
 

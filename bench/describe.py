@@ -1,6 +1,6 @@
 """The particulars of what can be run, as plain dictionaries."""
 
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
@@ -18,12 +18,15 @@ def describe(name: str) -> dict[str, Any]:
     from bench.presets import PRESETS
     from methods.registry import method_names
 
-    kinds = {"task": TASKS, "method": method_names(), "preset": PRESETS}
-    describers = {"task": _task, "method": _method, "preset": _preset}
-    for kind, names in kinds.items():
+    kinds = (
+        ("task", TASKS, _task),
+        ("method", method_names(), _method),
+        ("preset", PRESETS, _preset),
+    )
+    for kind, names, particulars in kinds:
         if name in names:
-            return {"kind": kind, **describers[kind](name)}
-    raise unknown_name("name", name, [name for names in kinds.values() for name in names])
+            return {"kind": kind, **particulars(name)}
+    raise unknown_name("name", name, [known for _, names, _ in kinds for known in names])
 
 
 def _task(name: str) -> dict[str, Any]:
@@ -71,11 +74,10 @@ def _method(name: str) -> dict[str, Any]:
 def _parameters(method: Any, config: Any, task: str) -> int:
     """How many numbers a fit stores: found by fitting, as it can be of anybody's method."""
     from bench.plan import random_demos
+    from methods.base import shortened
 
-    if "epochs" in {field.name for field in fields(config)}:
-        config = replace(config, epochs=1)
     demos = random_demos(task)[:2]
-    fitted = method(config, get_task(task).layout)
+    fitted = method(shortened(config, 1), get_task(task).layout)
     fitted.fit(demos, demos, 1)
     return sum(array.size for array in fitted.parameters().values())
 

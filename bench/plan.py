@@ -9,7 +9,7 @@ import heapq
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from time import perf_counter
@@ -21,6 +21,7 @@ from bench.experiments import cells_of, recipes_of
 from bench.presets import Study
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
 from bench.store import Store
+from methods.base import shortened
 from tasks import demos
 from tasks.data import Demos, Starts, generator
 from tasks.errors import InputError
@@ -173,8 +174,8 @@ def _unit_seconds(task_name: str, method: str, variant: str, size: str, seeds: i
 
     config = get_method(method, variant).sizes[size]
     config = replace(config, **get_method(method, variant).variants[variant])
-    epochs = 2 if "epochs" in {field.name for field in fields(config)} else 1
-    config = replace(config, epochs=epochs) if epochs == 2 else config
+    config = shortened(config, 2)
+    epochs = getattr(config, "epochs", 1)
     demos = random_demos(task_name)
     layout = get_task(task_name).layout
     began = perf_counter()

@@ -5,6 +5,7 @@ A method sees a task only as arrays. The letters of their axes are defined in `t
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -14,6 +15,13 @@ from tasks.data import Demos, FloatArray, Layout
 
 Parameters = dict[str, NDArray[Any]]
 """What a fit has learnt: arrays by name, which is all that is stored of it."""
+
+
+def shortened(config: Any, epochs: int) -> Any:
+    """Returns a config with at most so many epochs, where it has such a field."""
+    if "epochs" in {field.name for field in fields(config)}:
+        return replace(config, epochs=min(config.epochs, epochs))
+    return config
 
 
 class NotFittedError(RuntimeError):

@@ -122,7 +122,7 @@ def test_arguments_as_large_as_demonstrations_arrive(backend):
 
 
 GROWING = """
-import os, sys, time
+import sys, time
 sys.kept = [*getattr(sys, "kept", []), b"1" * 400_000_000]
 time.sleep(1.1)
 """
