@@ -12,7 +12,7 @@ import json
 import random
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cache
 from time import perf_counter
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from safetensors.numpy import load, save
 
-from methods.base import ActionMethod, Method, MotionMethod, NotFittedError
+from methods.base import ActionMethod, Method, MotionMethod, NotFittedError, shortened
 from tasks.data import Demos, FloatArray, Layout, Starts, generator
 
 LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
@@ -57,9 +57,11 @@ def check(method: type[Method]) -> Iterator[Verdict]:
 
 
 # The toy
-@cache
 def toy(first: int, count: int) -> Demos:
-    """Returns demonstrations of a hand that swings towards where the object is."""
+    """Returns demonstrations of a hand that swings towards where the object is.
+
+    Made anew each time, since a method under test may write to them.
+    """
     rng = generator("toy system", first)
     place = rng.uniform(-1, 1, (count, 2))
     goal = np.concatenate([place, place.sum(axis=1, keepdims=True)], axis=1)
@@ -77,10 +79,7 @@ def toy(first: int, count: int) -> Demos:
 
 
 def _config(method: type[Method], size: str | None = None) -> Any:
-    config = method.sizes[size or next(iter(method.sizes))]
-    if "epochs" in {field.name for field in fields(config)}:
-        config = replace(config, epochs=min(config.epochs, EPOCHS))
-    return config
+    return shortened(method.sizes[size or next(iter(method.sizes))], EPOCHS)
 
 
 def _fit(method: type[Method], seed: int = 1) -> Method:
@@ -102,7 +101,7 @@ def _answer(method: Method, states: FloatArray) -> Any:
 
 
 def _starts() -> FloatArray:
-    return toy(2, 8).states[:, 0].copy()
+    return toy(2, 8).states[:, 0]
 
 
 def _require(holds: bool, message: str) -> None:
@@ -200,7 +199,7 @@ def batch_invariance(method: type[Method]) -> None:
 
 def inputs_untouched(method: type[Method]) -> None:
     """Neither demonstrations nor states are written to."""
-    demos, validation, starts = toy(0, 40)[:], toy(1, 10)[:], _starts()
+    demos, validation, starts = toy(0, 40), toy(1, 10), _starts()
     arrays = [a for d in (demos, validation) for a in (d.states, d.velocities, d.actions)]
     arrays.append(starts)
     before = [array.copy() for array in arrays]
@@ -208,8 +207,6 @@ def inputs_untouched(method: type[Method]) -> None:
     fitted.fit(demos, validation, 1)
     _answer(fitted, starts)
     same = all(np.array_equal(a, b) for a, b in zip(arrays, before, strict=True))
-    for array, old in zip(arrays, before, strict=True):
-        array[...] = old
     _require(same, "it wrote to an array that it was given")
 
 
@@ -249,10 +246,7 @@ def sizes_grow(method: type[Method]) -> None:
     """Each size has more numbers to learn than the one before."""
     counts = {}
     for size in method.sizes:
-        config = _config(method, size)
-        if "epochs" in {field.name for field in fields(config)}:
-            config = replace(config, epochs=1)
-        fitted = method(config, LAYOUT)
+        fitted = method(shortened(_config(method, size), 1), LAYOUT)
         fitted.fit(toy(0, 40), toy(1, 10), 1)
         counts[size] = sum(array.size for array in fitted.parameters().values())
     ordered = list(counts.values())
