@@ -45,11 +45,7 @@ class Exhibit:
         if "n" in table and table.n.notna().any():
             said.append(f"n = {_range(table.n)} episodes of each fit.")
         if "seeds" in table and table.seeds.notna().any():
-            said.append(
-                f"Seeds: {_range(table.seeds)}. Intervals are 95%: Wilson's for a single fit, else"
-                " the percentile bootstrap over seeds and episodes, which"
-                f" {_coverage(int(table.seeds.max()))}."
-            )
+            said.append(f"Seeds: {_range(table.seeds)}. {_intervals(int(table.seeds.max()))}")
         if "diverged" in table and table.diverged.sum():
             said.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
         if "published" in table and table.published.notna().any():
@@ -176,9 +172,16 @@ def _add_bars(
     axes.grid(axis="x", visible=False)
 
 
-def _coverage(seeds: int) -> str:
+def _intervals(seeds: int) -> str:
+    """What the intervals are, where there are at most so many seeds."""
+    if seeds == 1:
+        return "Intervals are 95%, Wilson's."
     known = min(COVERAGE, key=lambda count: abs(count - seeds))
-    return f"at {known} seeds covers the truth in {COVERAGE[known]} of 100 simulated studies"
+    return (
+        "Intervals are 95%: Wilson's for a single fit, else the percentile bootstrap over seeds and"
+        f" episodes, which at {known} seeds covers the truth in {COVERAGE[known]} of 100 simulated"
+        " studies."
+    )
 
 
 def _range(values: pd.Series) -> str:

@@ -111,6 +111,14 @@ def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
     assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 5, 10_000)
 
 
+def test_captions_say_what_the_intervals_of_as_many_seeds_cover():
+    table = pd.DataFrame({"value": [50.0, 60.0], "seeds": [1, 1]})
+    assert TABLE_1.caption(table).endswith("Seeds: 1. Intervals are 95%, Wilson's.")
+    caption = TABLE_1.caption(table.assign(seeds=[1, 3]))
+    assert "Seeds: 1 to 3." in caption
+    assert "at 3 seeds covers the truth in 72 to 90 of 100" in caption
+
+
 def test_a_report_writes_each_exhibit_in_each_format(results, tmp_path):
     written = write_report(results, tmp_path)
     assert len(written) == len(exhibits())
