@@ -4,6 +4,7 @@ import json
 import shutil
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -58,7 +59,8 @@ def test_any_command_line_is_understood_or_refused(times):
         assignments=st.none() | st.lists(st.text(max_size=20), max_size=2),
     )
     def fuzz(preset, names, episodes, assignments):
-        understood(lambda: cells_of(_study(preset, *names, episodes, assignments), RECIPES))
+        study = partial(_study, preset, *names, episodes, demos=None, settings=assignments)
+        understood(lambda: cells_of(study(), RECIPES))
 
     fuzz()
 
