@@ -481,7 +481,8 @@ def _read_table(path: Path, fit_key: str) -> pa.Table:
         _check(len(seals) == 1 and seals[0] == _seal(_SEAL.sub(_UNSEALED, content)), "its content")
         table = pq.read_table(pa.BufferReader(content))
         labels = _labels(table)
-        _check((labels["fit"], labels["format"]) == (fit_key, str(FORMAT)), "its place")
+        place = (labels["fit"], evaluation_name(labels), labels["format"])
+        _check(place == (fit_key, path.stem, str(FORMAT)), "its place")
     return table
 
 

@@ -136,6 +136,16 @@ def test_files_of_another_cell_are_seen(store, capsys):
     assert not store.has_fit(OTHER)
 
 
+def test_episodes_of_another_evaluation_of_the_same_fit_are_set_aside(store, capsys):
+    other = Evaluation("door", "ood", controller_key="c")
+    store.add_episodes(FIT, other, some_episodes(0, 4))
+    test, ood = (next(store.cells.glob(f"*/eval-{split}-*")) for split in ("test", "ood"))
+    ood.write_bytes(test.read_bytes())
+    assert store.episodes(FIT, other) is None
+    assert "set aside as" in capsys.readouterr().err
+    assert store.episodes(FIT, EVALUATION) is not None
+
+
 def test_a_second_writer_is_refused(store):
     with pytest.raises(InputError, match="another run is writing"), Store(store.folder).locked():
         pass
