@@ -18,10 +18,10 @@ from tasks.base import Task
 from tasks.data import Demos, FloatArray, generator
 from tasks.experts import load_expert
 from tasks.registry import TASKS, get_task
-from tasks.simulator import CHUNK, SUBSTEPS, Simulator, rollout
+from tasks.simulator import CHUNK, SUBSTEPS, Policy, Simulator, rollout
 
-STEPS, DRIVEN = 10, 30
-"""Steps of the simulator, and of a rollout, which begins with placing its episodes."""
+STEPS = 30
+"""Control steps from the starts, placing the episodes included."""
 DECIDED = 100
 """Episodes whose steps are counted until they are decided."""
 VECTOR_STEPS = 500
@@ -45,13 +45,13 @@ def random_actions(task: Task, n: int, steps: int) -> FloatArray:
 
 
 def stepping(task: Task, actions: FloatArray):
-    """Does STEPS control steps of the simulator, with state and observation."""
-    simulator = Simulator(task, task.sample("test", CHUNK))
-    supply = cycle(actions)
+    """Takes the actions in the simulator, with state and observation after each."""
+    starts = task.sample("test", CHUNK)
 
     def run() -> None:
-        for _ in range(STEPS):
-            simulator.step(next(supply))
+        simulator = Simulator(task, starts)
+        for action in actions:
+            simulator.step(action)
             simulator.state()
             simulator.observe()
 
@@ -63,14 +63,15 @@ def bare_stepping(task: Task, actions: FloatArray):
     model = mujoco.MjModel.from_xml_path(str(task.model_path))
     model.actuator_gainprm[:] = task.model.actuator_gainprm
     model.actuator_biasprm[:] = task.model.actuator_biasprm
-    batch = Batch(model, CHUNK)
-    task.place(batch, task.sample("test", CHUNK).values)
+    starts = task.sample("test", CHUNK).values
     low, high = model.actuator_ctrlrange.T
-    controls = cycle((low + high) / 2 + actions * (high - low) / 2)
+    controls = (low + high) / 2 + np.clip(actions, -1, 1) * (high - low) / 2
 
     def run() -> None:
-        for _ in range(STEPS):
-            batch.ctrl[:] = next(controls)
+        batch = Batch(model, CHUNK)
+        task.place(batch, starts)
+        for control in controls:
+            batch.ctrl[:] = control
             batch.step(nstep=SUBSTEPS)
 
     return run
@@ -97,20 +98,27 @@ def vector_stepping(task: Task, kind: str):
 
 
 def test_against_bare_batch_step(task, compare):
-    actions = random_actions(task, CHUNK, 20 * STEPS)
+    actions = random_actions(task, CHUNK, STEPS)
     ours, bare = stepping(task, actions), bare_stepping(task, actions)
     compare(f"simulator_vs_bare[{task.name}]", ours, bare, 0.90, (STEPS * CHUNK,) * 2)
 
 
 @pytest.mark.parametrize("kind", ["sync", "async"])
 def test_against_gymnasium_vector_environments(task, kind, compare):
-    ours = stepping(task, random_actions(task, CHUNK, 20 * STEPS))
+    ours = stepping(task, random_actions(task, CHUNK, STEPS))
     run, envs, steps = vector_stepping(task, kind)
     compare(f"simulator_vs_{kind}[{task.name}]", ours, run, 1.0, (STEPS * CHUNK, steps))
     envs.close()
 
 
 # Rollouts
+class InOrder(Recorded):
+    """Answers the starts, which are the recorded ones, without a search among them."""
+
+    def rollout(self, start: FloatArray, steps: int) -> FloatArray:
+        return self._states[:, : steps + 1]
+
+
 @pytest.fixture
 def tracked(task):
     """Motions around the start, and a controller of the protocol's size; neither need be good."""
@@ -123,7 +131,7 @@ def tracked(task):
     actions = rng.uniform(-1, 1, (CHUNK, task.horizon - 1, task.layout.action_dim))
     motions = Demos(starts, states, states[:, :, : task.robot_dim], actions)
     weights = train_controller(ControllerConfig(epochs=1), motions[:16], task.name)
-    return TrackedMotion(Recorded(motions), Controller(weights))
+    return TrackedMotion(InOrder(motions), Controller(weights))
 
 
 def authors_loop(task: Task):
@@ -150,20 +158,33 @@ def authors_loop(task: Task):
     return run
 
 
-def driven(task: Task, policy: TrackedMotion):
+def driven(task: Task, policy: Policy):
     starts = task.sample("test", CHUNK)
-    return lambda: rollout(task, starts, policy, steps=DRIVEN, whole=True)
+    return lambda: rollout(task, starts, policy, steps=STEPS, whole=True)
+
+
+class Overheard:
+    """A policy whose actions are kept."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.reset, self._policy = policy.reset, policy
+        self.actions: list[FloatArray] = []
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        self.actions.append(self._policy.act(simulator, step))
+        return self.actions[-1]
 
 
 def test_a_rollout_against_bare_batch_step(task, tracked, compare):
-    actions = random_actions(task, CHUNK, 20 * STEPS)
-    ours, bare = driven(task, tracked), bare_stepping(task, actions)
-    work = (DRIVEN * CHUNK, STEPS * CHUNK)
-    compare(f"rollout_vs_bare[{task.name}]", ours, bare, 1.0, work)
+    """Both take the same actions from the same starts, and so meet the same contacts."""
+    policy = Overheard(tracked)
+    driven(task, policy)()
+    ours, bare = driven(task, tracked), bare_stepping(task, np.array(policy.actions))
+    compare(f"rollout_vs_bare[{task.name}]", ours, bare, 1.0, (STEPS * CHUNK,) * 2)
 
 
 def test_a_rollout_against_the_authors_loop(task, tracked, compare):
-    work = (DRIVEN * CHUNK, VECTOR_STEPS)
+    work = (STEPS * CHUNK, VECTOR_STEPS)
     ours = driven(task, tracked)
     compare(f"rollout_vs_authors_loop[{task.name}]", ours, authors_loop(task), 1.0, work)
 
