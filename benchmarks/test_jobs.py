@@ -1,5 +1,6 @@
 """Two jobs of one run, against two runs side by side."""
 
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -27,17 +28,20 @@ if __name__ == "__main__":
 
 
 def test_two_jobs(compare, tmp_path):
-    """The halves are the two splits, KODex and the expert on each."""
-    numbers = count()
+    """The halves are the two splits, KODex and the expert on each; what both learn is there."""
+    learnt, numbers = tmp_path / "learnt", count()
+    bench.run(replace(STUDY, episodes=dict.fromkeys(STUDY.episodes, 1)), learnt, jobs=1)
+
+    def fresh() -> Path:
+        return shutil.copytree(learnt, tmp_path / str(next(numbers)))
 
     def together() -> None:
-        bench.run(STUDY, tmp_path / f"together{next(numbers)}", jobs=2)
+        bench.run(STUDY, fresh(), jobs=2)
 
     def side_by_side() -> None:
-        folder = tmp_path / f"apart{next(numbers)}"
         root = Path(__file__).parents[1]
         halves = [
-            subprocess.Popen([sys.executable, "-c", HALF, split, folder / split], cwd=root)
+            subprocess.Popen([sys.executable, "-c", HALF, split, fresh()], cwd=root)
             for split in STUDY.episodes
         ]
         assert [half.wait() for half in halves] == [0, 0]
