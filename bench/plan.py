@@ -36,8 +36,8 @@ BYTES_PER_FIT = 5_000_000
 GIB_PER_JOB = 1.5
 """Memory of a job with the largest fits."""
 DECIDED = {"relocation": 0.4, "reorientation": 0.55}
-"""Share of its steps that an episode takes until it is decided, all of them in other tasks: the mean
-over the shipped results."""
+"""Share of its steps that an episode takes until it is decided, the mean over the shipped results;
+all of them in other tasks."""
 _DEMOS, _EPISODES = 16, 20
 """Size of the calibration."""
 

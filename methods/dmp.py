@@ -24,8 +24,8 @@ WHITENING_FLOOR = 1e-6
 """Share of the largest singular value below which combinations of basis motions stay small: float32
 would lose in ever larger weights what their differences say."""
 NEGLIGIBLE = 1e-30
-"""What a basis motion is taken to be 0 below: in float32 it would be subnormal, or its products would
-be, which changes no sum and makes a matrix product ten times slower."""
+"""What a basis motion is taken to be 0 below: in float32 it or its products would be subnormal,
+which changes no sum and makes a matrix product ten times slower."""
 
 
 @dataclass(frozen=True)
