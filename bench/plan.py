@@ -191,6 +191,8 @@ def controller_seconds(spec: ControllerSpec) -> float:
 @cache
 def _unit_controller_seconds(task_name: str) -> float:
     demos = random_demos(task_name)
+    # The first training of a process imports torch, and finds memory for it.
+    train_controller(ControllerConfig(epochs=1), demos, "calibration")
     began = perf_counter()
     train_controller(ControllerConfig(epochs=2), demos, "calibration")
     return (perf_counter() - began) / (2 * len(demos))
