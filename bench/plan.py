@@ -178,6 +178,7 @@ def _unit_seconds(task_name: str, method: str, variant: str, size: str, seeds: i
     epochs = getattr(config, "epochs", 1)
     demos = random_demos(task_name)
     layout = get_task(task_name).layout
+    _warm_up()
     began = perf_counter()
     get_method(method, variant).fit_seeds(config, layout, demos, demos[:2], range(1, seeds + 1))
     return (perf_counter() - began) / (epochs * len(demos))
@@ -191,11 +192,16 @@ def controller_seconds(spec: ControllerSpec) -> float:
 @cache
 def _unit_controller_seconds(task_name: str) -> float:
     demos = random_demos(task_name)
-    # The first training of a process imports torch, and finds memory for it.
-    train_controller(ControllerConfig(epochs=1), demos, "calibration")
+    _warm_up()
     began = perf_counter()
     train_controller(ControllerConfig(epochs=2), demos, "calibration")
     return (perf_counter() - began) / (2 * len(demos))
+
+
+@cache
+def _warm_up() -> None:
+    """Does what only the first training of a process costs: importing torch, finding memory."""
+    train_controller(ControllerConfig(epochs=1), random_demos("door"), "calibration")
 
 
 @cache
