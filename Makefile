@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help bench demo test check docs install install-dev benchmark reliability release clean
+.PHONY: help bench demo test check docs results install install-dev benchmark reliability release clean
 
 help: ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -28,6 +28,11 @@ check: install-dev ## Lint, types and import rules
 docs: install-dev ## Write the API pages to build/api, from the docstrings
 	MUJOCO_GL=disable PDOC_ALLOW_EXEC=1 $(BIN)/pdoc -d google -o build/api bench methods reports tasks \
 		$(subst /,.,$(basename $(filter-out %/__init__.py,$(wildcard bench/*.py))))
+
+results: install ## Write the tables and the figure of the shipped results into the documents
+	$(BIN)/bench report --reference --out build/reference
+	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md
+	cp build/reference/figures/unseen.png docs/images
 
 benchmark: install-dev ## Measure speed against peers, half an hour
 	$(BIN)/pytest benchmarks --timeout 0 --benchmark-columns=median,iqr,rounds

@@ -79,6 +79,21 @@ def test_pairing_on_starts_narrows_the_interval():
     assert paired[1] <= paired[0] <= paired[2]
 
 
+def test_the_interval_is_that_of_drawing_seeds_and_starts_one_by_one():
+    rng = generator("one by one")
+    left, right = rng.random((3, 60)) < 0.9, rng.random((4, 60)) < 0.7
+    drawn = []
+    for _ in range(4000):
+        starts = rng.integers(60, size=60)
+        ours, theirs = (
+            np.mean([part[rng.integers(len(part)), starts].mean() for _ in part])
+            for part in (left, right)
+        )
+        drawn.append(ours - theirs)
+    _, low, high, _ = paired_difference(left, right, "by kinds", resamples=4000)
+    assert [low, high] == pytest.approx(np.quantile(drawn, [0.025, 0.975]), abs=0.015)
+
+
 def test_a_single_fit_has_the_interval_of_its_starts_alone():
     left = generator("single").random((1, 2000)) < 0.8
     difference, low, high, _ = paired_difference(left, np.zeros((1, 2000), bool), "single")
