@@ -16,6 +16,7 @@ from bench.renderer import renderer
 # MuJoCo reads it when it is imported.
 os.environ["MUJOCO_GL"] = renderer() or ""
 
+from bench import driver
 from bench.cli import main
 from bench.presets import PRESETS
 from tasks import demos, experts
@@ -146,7 +147,7 @@ def shipped(task, tmp_path, monkeypatch):
 def smoke(shipped, monkeypatch):
     """The preset for KODex, with as few demonstrations as a shipped random expert has."""
     monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6, methods=("kodex",)))
-    monkeypatch.setattr("bench.driver.TRAINING", 6)
+    monkeypatch.setattr(driver, "TRAINING", 6)
 
 
 def ship(task, folder):
