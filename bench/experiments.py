@@ -11,6 +11,7 @@ import pandas as pd
 
 from bench.controller import NO_CONTROLLER
 from bench.presets import SMALLEST, Study
+from bench.selection import best_size
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod, Method
 from methods.kodex import LIFTING_VARIANTS
@@ -166,9 +167,7 @@ def first_wave(study: Study, recipes: Recipes) -> list[Cell]:
 
 
 def chosen_sizes(study: Study, frame: pd.DataFrame) -> dict[tuple[str, str], str]:
-    """Returns by task and method the size of the highest mean success on validation starts.
-
-    Ties go to the smaller size (Tables 2-5).
+    """Returns by task and method the size that does best on validation starts, see `best_size`.
 
     Args:
         study: whose tasks and methods are asked about.
@@ -182,15 +181,12 @@ def chosen_sizes(study: Study, frame: pd.DataFrame) -> dict[tuple[str, str], str
         & (frame.demos == study.demos)
         & frame.seed.isin([0, *study.seeds])
     ]
-    rates = (compared.successes / compared.episodes).groupby(
-        [compared.task, compared.method, compared["size"]]
-    )
-    means = rates.mean()
     chosen = {}
-    for task, name in product(study.tasks, study.methods):
-        order = [size for size in _sizes(study, get_method(name)) if (task, name, size) in means]
-        if order:
-            chosen[task, name] = max(order, key=lambda size: means[task, name, size])
+    for (task, name), part in compared.groupby(["task", "method"]):
+        if task in study.tasks and name in study.methods:
+            sizes = _sizes(study, get_method(name))
+            if part["size"].isin(sizes).any():
+                chosen[task, name] = best_size(part, sizes)
     return chosen
 
 

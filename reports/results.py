@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bench.controller import ON_SUCCESSES, UNCLIPPED
+from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
 from reports.reference import Beside, open_results
@@ -141,8 +142,7 @@ class Results:
         sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
         task, method = found.task.iloc[0], found.method.iloc[0]
         compared = self.select(task=task, method=method, split="validation")
-        rates = (compared.successes / compared.episodes).groupby(compared["size"]).mean()
-        best = max(sizes, key=lambda size: rates.get(size, -1.0))
+        best = best_size(compared, sizes)
         return pd.Series(best, index=found.index)
 
 

@@ -16,6 +16,7 @@ from bench.driver import run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
 from bench.plan import schedule
 from bench.presets import get_preset
+from bench.selection import best_size
 from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
@@ -409,6 +410,15 @@ def test_the_size_that_does_best_on_validation_is_chosen_and_ties_go_to_the_smal
     other = frame.assign(split="test", successes=50)
     chosen = chosen_sizes(study, pd.concat([other, frame]))
     assert chosen == {("door", "nn"): "small", ("door", "lstm"): "large"}
+
+
+def test_a_tie_is_one_in_whatever_order_the_seeds_are_averaged():
+    rows = [("small", n) for n in (42, 41, 38, 43, 39)]
+    rows += [("median", n) for n in (42, 42, 39, 40, 40)]
+    frame = pd.DataFrame(rows, columns=["size", "successes"]).assign(episodes=50)
+    rates = (frame.successes / frame.episodes).groupby(frame["size"]).mean()
+    assert rates["small"] < rates["median"]
+    assert best_size(frame, ["small", "median"]) == "small"
 
 
 def test_robustness_pairs_each_variation_with_both_controllers():
