@@ -184,9 +184,9 @@ def chosen_sizes(study: Study, frame: pd.DataFrame) -> dict[tuple[str, str], str
     chosen = {}
     for (task, name), part in compared.groupby(["task", "method"]):
         if task in study.tasks and name in study.methods:
-            sizes = _sizes(study, get_method(name))
-            if part["size"].isin(sizes).any():
-                chosen[task, name] = best_size(part, sizes)
+            known = _sizes(study, get_method(name))
+            if part["size"].isin(known).any():
+                chosen[task, name] = best_size(part, known)
     return chosen
 
 

@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-QUOTED = re.compile(r"(<!-- (\w+) -->\n\n)(?:\|.*\n)*")
+QUOTED = re.compile(r"(<!-- (\w+) -->\n\n)(?:\|.*\n)*\n?")
 
 
 def refresh(page: str, report: Path) -> str:
@@ -16,7 +16,7 @@ def refresh(page: str, report: Path) -> str:
     def current(quoted: re.Match[str]) -> str:
         lines = (report / f"tables/{quoted[2]}.md").read_text().splitlines()
         rows = [line for line in lines if line.startswith("|")]
-        return quoted[1] + "\n".join(rows) + "\n"
+        return quoted[1] + "\n".join(rows) + "\n\n"
 
     return QUOTED.sub(current, page)
 

@@ -142,8 +142,7 @@ class Results:
         sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
         task, method = found.task.iloc[0], found.method.iloc[0]
         compared = self.select(task=task, method=method, split="validation")
-        best = best_size(compared, sizes)
-        return pd.Series(best, index=found.index)
+        return pd.Series(best_size(compared, sizes), index=found.index)
 
 
 def rates(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
