@@ -22,6 +22,10 @@ Draw = Callable[[np.random.Generator], dict[str, FloatArray]]
 """Returns one network's first weights by name."""
 
 
+VECTOR = 16
+"""Numbers of float32 that the widest processors take at a time."""
+
+
 class TrainingError(RuntimeError):
     """A training came to nothing, for the reason that the message gives."""
 
@@ -101,12 +105,10 @@ def minimise(
         TrainingError: some seed's loss was never finite.
     """
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
-    weights = {
-        key: torch.from_numpy(np.stack([one[key] for one in drawn]).astype(np.float32))
-        for key in drawn[0]
-    }
-    for weight in weights.values():
-        weight.requires_grad_()
+    weights, leaves = {}, []
+    for key in drawn[0]:
+        leaf, weights[key] = _leaf(np.stack([one[key] for one in drawn]).astype(np.float32))
+        leaves.append(leaf)
     samples = [torch.from_numpy(array.astype(np.float32)) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
 
@@ -115,7 +117,7 @@ def minimise(
 
     def fresh_adam() -> torch.optim.Optimizer:
         rate, decay = schedule.learning_rate, schedule.weight_decay
-        return torch.optim.AdamW(weights.values(), rate, weight_decay=decay, fused=True)
+        return torch.optim.AdamW(leaves, rate, weight_decay=decay, fused=True)
 
     optimiser = fresh_adam()
     best = _Best(weights)
@@ -135,6 +137,20 @@ def minimise(
             with torch.no_grad():
                 best.note(total / order.shape[1], validate(weights) if validate else None)
     return best.chosen(seeds)
+
+
+def _leaf(drawn: FloatArray) -> tuple[Tensor, Tensor]:
+    """Returns what Adam is to step, (S, n), and the weights (S, ...) that are a view of it.
+
+    torch's fused Adam rounds the numbers after the last full vector of a tensor in another way. So
+    each network's are filled up to full vectors, and none comes last because of its place; one that
+    is alone has the same place always.
+    """
+    flat = drawn.reshape(len(drawn), -1)
+    count = flat.shape[1]
+    filling = -count % VECTOR if len(drawn) > 1 else 0
+    leaf = torch.from_numpy(np.pad(flat, ((0, 0), (0, filling)))).requires_grad_()
+    return leaf, leaf[:, :count].view(drawn.shape)
 
 
 class _Best:

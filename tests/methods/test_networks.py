@@ -96,6 +96,25 @@ def test_what_a_seed_becomes_does_not_depend_on_its_company():
         np.testing.assert_array_equal(five[name], array)
 
 
+def test_a_seed_becomes_the_same_whatever_its_place_in_the_company():
+    """Of a bias of 65 numbers, three networks leave three after the last full vector of 16."""
+    rng = generator("noise")
+    data = tuple(rng.standard_normal((500, 65)) for _ in range(2))
+    schedule = replace(SCHEDULE, epochs=40)
+    last, first = (
+        train(
+            lambda rng: mlp_weights(rng, "layer", (65, 65)),
+            lambda weights, x, y: (mlp(weights, "layer", x, 1) - y).square().mean(dim=(1, 2)),
+            data,
+            schedule,
+            seeds,
+        )
+        for seeds in ((1, 2, 3), (3, 1))
+    )
+    for name, array in last[2].weights.items():
+        np.testing.assert_array_equal(first[0].weights[name], array)
+
+
 def test_a_fresh_adam_for_each_batch_steps_by_the_sign_of_the_gradient(line):
     schedule = replace(SCHEDULE, epochs=1, batch_size=10, fresh_adam="batch")
     (trained, _) = train(draw_line, line_loss, line, schedule)
