@@ -3,10 +3,10 @@
 import pandas as pd
 
 from bench.controller import UNCLIPPED
-from reports.exhibit import Exhibit, beside, panels, success_table
+from reports.exhibit import Exhibit, beside, in_order, panels, success_table
 from reports.paper import published
 from reports.results import Results
-from reports.style import METHODS
+from reports.style import METHODS, ordered
 from reports.table_11 import SETS
 
 COMPARED = ("described", "published")
@@ -24,7 +24,9 @@ def table(results: Results) -> pd.DataFrame:
     if found.variant.nunique() < 2:
         return pd.DataFrame(columns=["row", "column", "value"])
     label = found.method + " " + found.variant
-    return beside(success_table(found.assign(label=label), "label", "task"), _best_published())
+    rows = [f"{m} {v}" for v in ordered(found.variant, COMPARED) for m in METHODS[1:]]
+    success = in_order(success_table(found.assign(label=label), "label", "task"), rows)
+    return beside(success, _best_published())
 
 
 def _best_published() -> pd.DataFrame:

@@ -1,5 +1,6 @@
 """An exhibit: a table of values by row and column, its figure and its caption."""
 
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -110,7 +111,7 @@ def beside(table: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
 def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars with intervals, grouped by column, one colour a row, the paper's as diamonds."""
     rows, columns = (table[name].nunique() for name in ("row", "column"))
-    drawing = Figure(figsize=(max(0.9 + 0.28 * rows * columns, 1.2 * columns, 3), 3.2))
+    drawing = Figure(figsize=(max(0.9 + 0.28 * rows * columns, 1.4 * columns, 3), 3.2))
     axes = drawing.subplots()
     _add_bars(axes, table, exhibit)
     axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
@@ -163,13 +164,17 @@ def _add_bars(
             error_kw={"lw": 0.9},
         )
         if "published" in part and part.published.notna().any():
-            label = "published" if i == len(rows) - 1 else None
+            label = "paper" if i == len(rows) - 1 else None
             axes.plot(x, part.published, "D", ms=4, color=PUBLISHED, mec="white", label=label)
-    axes.set_xticks(range(len(columns)), [display(name).replace(" ", "\n", 1) for name in columns])
+    axes.set_xticks(range(len(columns)), [_narrow(display(name)) for name in columns])
     axes.set(ylabel=exhibit.axis)
     if exhibit.unit == "%":
         axes.set_ylim(0, 105)
     axes.grid(axis="x", visible=False)
+
+
+def _narrow(text: str) -> str:
+    return textwrap.fill(text, 11, break_long_words=False)
 
 
 def _intervals(seeds: int) -> str:

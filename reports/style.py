@@ -23,7 +23,10 @@ TASKS = ("tool", "door", "relocation", "reorientation")
 METHODS = ("expert", "kodex", "nn", "lstm", "ndp", "ngf")
 PUBLISHED = "#222222"
 MARKS = ("", "///", "...", "\\\\\\", "xx", "--", "++")
-_COLOURS = ("#4c4c4c", *sns.color_palette("colorblind").as_hex())
+_COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex())
+"""Those of the methods."""
+_OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
+"""Those of whatever else: sizes, tasks, methods of one's own."""
 
 
 def display(name: str) -> str:
@@ -33,8 +36,8 @@ def display(name: str) -> str:
 
 
 def colour(row: str, place: int) -> str:
-    """Returns the colour of a method, everywhere the same; of other rows, by their place."""
-    return _COLOURS[_index(row, place) % len(_COLOURS)]
+    """Returns the colour of a method, everywhere the same; of other rows, others by their place."""
+    return (*_COLOURS, *_OTHERS)[_index(row, place)]
 
 
 def hatch(row: str, place: int) -> str:
@@ -44,7 +47,7 @@ def hatch(row: str, place: int) -> str:
 
 def _index(row: str, place: int) -> int:
     method = row.split()[0]
-    return METHODS.index(method) if method in METHODS else place + 1
+    return METHODS.index(method) if method in METHODS else len(METHODS) + place % len(_OTHERS)
 
 
 def ordered(names: Any, order: Sequence[str]) -> list[str]:
