@@ -143,8 +143,8 @@ def _leaf(drawn: FloatArray) -> tuple[Tensor, Tensor]:
     """Returns what Adam is to step, (S, n), and the weights (S, ...) that are a view of it.
 
     torch's fused Adam rounds the numbers after the last full vector of a tensor in another way. So
-    each network's are filled up to full vectors, and none comes last because of its place; one that
-    is alone has the same place always.
+    each network's numbers are filled up to full vectors, wherever it stands among others; one that
+    is alone needs none.
     """
     flat = drawn.reshape(len(drawn), -1)
     count = flat.shape[1]

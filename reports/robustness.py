@@ -2,10 +2,10 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, panels, success_table, with_published
+from reports.exhibit import Exhibit, in_order, panels, success_table, with_published
 from reports.results import Results
-from reports.style import METHODS, display, ordered
-from tasks.masses import VARIATIONS
+from reports.style import METHODS, display
+from tasks.masses import PHYSICS, VARIATIONS
 
 
 def robustness_exhibit(number: int, task: str) -> Exhibit:
@@ -24,8 +24,7 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
         )
         success = success_table(found.assign(label=label), "label", "physics")
         rows = [f"{m} {c}" for c in ("original", "tuned") for m in METHODS[1:]]
-        order = {row: place for place, row in enumerate(ordered(success.row, ("expert", *rows)))}
-        success = success.sort_values("row", key=lambda row: row.map(order), kind="stable")
+        success = in_order(success, ("expert", *rows), PHYSICS)
         return with_published(success, name)
 
     return Exhibit(
