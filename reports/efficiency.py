@@ -39,8 +39,9 @@ def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
     tasks = [task for task in TASKS if task in set(table.column)]
     drawing = Figure(figsize=(2.5 * len(tasks) + 0.8, 2.9), layout="constrained")
     panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
+    methods = table.method.drop_duplicates().tolist()
     for axes, task in zip(panels, tasks, strict=True):
-        for place, method in enumerate(table.method.drop_duplicates()):
+        for place, method in enumerate(methods):
             part = table[(table.column == task) & (table.method == method)]
             errors = None
             if "low" in part:
@@ -53,7 +54,7 @@ def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
                 ms=4,
                 lw=1.2,
                 capsize=2,
-                color=colour(method, place),
+                color=colour(method, methods),
                 label=display(method),
             )
         axes.set(title=display(task), xlabel="demonstrations")

@@ -158,8 +158,8 @@ def _add_bars(
             yerr=errors,
             capsize=2,
             label=display(row),
-            color=colour(row, i),
-            hatch=hatch(row, i),
+            color=colour(row, rows),
+            hatch=hatch(row, rows),
             edgecolor="white",
             error_kw={"lw": 0.9},
         )

@@ -30,14 +30,15 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     drawing = Figure(figsize=(7.5, 3.0), layout="constrained")
     parts = table.row.str.split(": ", n=1, expand=True)
     for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
-        for place, task in enumerate(table.column.drop_duplicates()):
+        tasks = table.column.drop_duplicates().tolist()
+        for place, task in enumerate(tasks):
             chosen = table[(parts[1] == quantity) & (table.column == task)]
             names = parts[0][chosen.index]
             axes.plot(
                 names,
                 chosen.value,
                 "o^sD"[place] + "-",
-                color=colour(task, place),
+                color=colour(task, tasks),
                 label=display(task),
             )
         axes.set(ylabel=quantity, ylim=(0, 1.08 * axes.get_ylim()[1]))

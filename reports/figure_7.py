@@ -29,9 +29,9 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     tasks = table.column.drop_duplicates().tolist()
     drawing = Figure(figsize=(2.4 * len(tasks) + 0.6, 2.6), layout="constrained")
     panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
-    for place, (axes, task) in enumerate(zip(panels, tasks, strict=True)):
+    for axes, task in zip(panels, tasks, strict=True):
         counts = table[table.column == task].value
-        axes.stairs(counts, EDGES, fill=True, color=colour(task, place))
+        axes.stairs(counts, EDGES, fill=True, color=colour(task, tasks))
         axes.axvline(1, color="black", lw=0.8, ls="--")
         axes.set(title=display(task), xlabel="magnitude")
     panels[0].set_ylabel("eigenvalues")

@@ -35,19 +35,26 @@ def display(name: str) -> str:
     return " ".join([NAMES.get(first, first), *rest])
 
 
-def colour(row: str, place: int) -> str:
-    """Returns the colour of a method, everywhere the same; of other rows, others by their place."""
-    return (*_COLOURS, *_OTHERS)[_index(row, place)]
+def colour(row: str, rows: Sequence[str]) -> str:
+    """Returns the colour of a method, everywhere the same; of another row, of its place among such.
+
+    Args:
+        row: a name.
+        rows: all that are drawn.
+    """
+    return (*_COLOURS, *_OTHERS)[_index(row, rows)]
 
 
-def hatch(row: str, place: int) -> str:
+def hatch(row: str, rows: Sequence[str]) -> str:
     """Returns the hatch of a method's bars, likewise."""
-    return MARKS[_index(row, place) % len(MARKS)]
+    return MARKS[_index(row, rows) % len(MARKS)]
 
 
-def _index(row: str, place: int) -> int:
-    method = row.split()[0]
-    return METHODS.index(method) if method in METHODS else len(METHODS) + place % len(_OTHERS)
+def _index(row: str, rows: Sequence[str]) -> int:
+    if row in METHODS:
+        return METHODS.index(row)
+    others = [one for one in rows if one not in METHODS]
+    return len(METHODS) + others.index(row) % len(_OTHERS)
 
 
 def ordered(names: Any, order: Sequence[str]) -> list[str]:

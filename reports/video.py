@@ -125,11 +125,13 @@ def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
 def frames(takes: Sequence[Take]) -> Iterator[Frame]:
     """Yields the pictures (SIZE + BAR, SIZE x methods, 3)."""
     renderers = [mujoco.Renderer(take.model, SIZE, SIZE) for take in takes]
+    methods = [take.method for take in takes]
+    shades = [colour(method, methods) for method in methods]
     last = max(len(take.positions) for take in takes) - 1
     for step in [*range(last + 1), *[last] * STILL]:
         ended = step == last
-        pairs = zip(takes, renderers, strict=True)
-        yield np.concatenate([_picture(take, r, step, ended) for take, r in pairs], axis=1)
+        whole = zip(takes, renderers, shades, strict=True)
+        yield np.concatenate([_picture(*one, step, ended) for one in whole], axis=1)
     for renderer in renderers:
         renderer.close()
 
@@ -141,7 +143,7 @@ def _row(results: Results, task: str, method: str) -> dict[str, Any]:
     return dict(found.to_dict("records")[0])
 
 
-def _picture(take: Take, renderer: mujoco.Renderer, step: int, ended: bool) -> Frame:
+def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended: bool) -> Frame:
     step = min(step, len(take.positions) - 1)
     data = mujoco.MjData(take.model)
     data.qpos = take.positions[step]
@@ -151,13 +153,13 @@ def _picture(take: Take, renderer: mujoco.Renderer, step: int, ended: bool) -> F
         renderer.scene.flags[effect] = 0
     if take.planned is not None:
         _add_ghost(take, renderer.scene, data, take.planned[step])
-    picture = Image.new("RGB", (SIZE, SIZE + BAR), colour(take.method, 0))
+    picture = Image.new("RGB", (SIZE, SIZE + BAR), shade)
     picture.paste(Image.fromarray(renderer.render()), (0, BAR))
     text = display(take.method)
     if ended:
         text += ": success" if take.success else ": failure"
     draw = ImageDraw.Draw(picture)
-    draw.text((8, 5), text, fill=_legible_on(colour(take.method, 0)), font=_font())
+    draw.text((8, 5), text, fill=_legible_on(shade), font=_font())
     return np.asarray(picture)
 
 

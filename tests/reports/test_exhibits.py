@@ -10,6 +10,7 @@ from bench.experiments import cells_of
 from bench.presets import get_preset
 from reports.exhibit import Exhibit
 from reports.results import Results
+from reports.style import colour
 from reports.table_1 import EXHIBIT as TABLE_1
 from reports.write import exhibits, write_report
 from tasks.data import generator
@@ -141,3 +142,10 @@ def test_what_has_no_results_has_no_exhibit(results, tmp_path):
     names = {path.stem for path in write_report(some, tmp_path)}
     assert names == {"table_1", "table_6", "table_11", "table_12", "figure_6_time", "figure_7"}
     assert TABLE_1.table(some).published.tolist() == [100, 96, 88, 62]
+
+
+def test_a_method_has_one_colour_in_every_figure():
+    with_expert = ["expert", "kodex", "nn", "mine", "yours"]
+    without = with_expert[1:]
+    assert [colour(m, with_expert) for m in without] == [colour(m, without) for m in without]
+    assert len({colour(m, with_expert) for m in with_expert}) == 5
