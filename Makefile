@@ -29,10 +29,10 @@ docs: install-dev ## Write the API pages to build/api, from the docstrings
 	MUJOCO_GL=disable PDOC_ALLOW_EXEC=1 $(BIN)/pdoc -d google -o build/api bench methods reports tasks \
 		$(subst /,.,$(basename $(filter-out %/__init__.py,$(wildcard bench/*.py))))
 
-results: install ## Write the tables and the figure of the shipped results into the documents
+results: install ## Write the tables and figures of the shipped results into the documents
 	$(BIN)/bench report --reference --out build/reference
 	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md
-	cp build/reference/figures/unseen.png docs/images
+	cp build/reference/figures/unseen.png build/reference/figures/efficiency.png docs/images
 
 benchmark: install-dev ## Measure speed against peers, half an hour
 	$(BIN)/pytest benchmarks --timeout 0 --benchmark-columns=median,iqr,rounds

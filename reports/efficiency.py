@@ -37,10 +37,14 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
     """Returns one panel a task, one line a method, with intervals where there are any."""
     tasks = [task for task in TASKS if task in set(table.column)]
-    drawing = Figure(figsize=(2.5 * len(tasks) + 0.8, 2.9), layout="constrained")
-    panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
+    lines, columns = -(-len(tasks) // 2), min(len(tasks), 2)
+    drawing = Figure(figsize=(3.4 * columns + 1.2, 2.4 * lines + 0.3), layout="constrained")
+    panels = drawing.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    for empty in panels[len(tasks) :]:
+        empty.remove()
     methods = table.method.drop_duplicates().tolist()
-    for axes, task in zip(panels, tasks, strict=True):
+    counts = sorted(table.demos.unique())
+    for axes, task in zip(panels[: len(tasks)], tasks, strict=True):
         for place, method in enumerate(methods):
             part = table[(table.column == task) & (table.method == method)]
             errors = None
@@ -57,8 +61,11 @@ def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
                 color=colour(method, methods),
                 label=display(method),
             )
-        axes.set(title=display(task), xlabel="demonstrations")
-    panels[0].set_ylabel(axis)
+        axes.set(title=display(task), xscale="log")
+        axes.set_xticks(counts, counts, fontsize=9)
+        axes.minorticks_off()
+    drawing.supxlabel("demonstrations", fontsize=10)
+    drawing.supylabel(axis, fontsize=10)
     drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
     return drawing
 
