@@ -152,7 +152,10 @@ class Packed:
 
 
 class Together:
-    """The results of several sources as one; of the same evaluation, those of more episodes."""
+    """The results of several sources as one.
+
+    Of the same evaluation those of more episodes, and of the same fit the first time there is.
+    """
 
     def __init__(self, parts: Sequence[tuple[Source, pd.DataFrame]]) -> None:
         """Takes sources, each with the rows of its frame that are wanted.
@@ -166,6 +169,7 @@ class Together:
         if len(whole):
             _check_alike(whole)
             most = whole.groupby(_PLACE, sort=False).episodes.idxmax()
+            whole["fit_seconds"] = whole.groupby("folder").fit_seconds.transform("first")
             whole = whole.loc[sorted(most)]
             places = whole[_PLACE].itertuples(index=False, name=None)
             self._evaluations = dict(zip(places, whole.source, strict=True))

@@ -258,6 +258,17 @@ class TestInProcess:
             episodes, pd.read_parquet(tmp_path / "packed/episodes.parquet")
         )
 
+    def test_times_stay_when_a_part_with_more_episodes_has_none(self, task, smoke, bench, tmp_path):
+        timed, more, packed = (str(tmp_path / name) for name in ("timed", "more", "packed"))
+        run = ("run", "smoke", "--jobs", "1", "--out")
+        bench(*run, timed, "--episodes", "5")
+        bench("time", timed)
+        bench(*run, more)
+        bench("pack", timed, more, "--out", packed)
+        rows = pd.read_parquet(tmp_path / "packed/evaluations.parquet").query("method == 'kodex'")
+        assert rows.fit_seconds.notna().all()
+        assert (rows[rows.split != "validation"].episodes > 5).all()
+
     def test_shipped_results_are_laid_beside_those_of_a_run(
         self, task, smoke, bench, tmp_path, monkeypatch
     ):
