@@ -57,7 +57,7 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> l
     claims = verdicts(results)
     claims.to_csv(folder / "tables" / "claims.csv", index=False)
     lines = claims.drop(columns="claim").to_markdown(index=False)
-    (folder / "tables" / "claims.md").write_text(f"## Claims of the appendix\n\n{lines}\n")
+    (folder / "tables" / "claims.md").write_text(f"## Claims of the paper\n\n{lines}\n")
     page = render(results, tables, exhibits(), claims, folder / "figures", films)
     (folder / "index.html").write_text(page)
     return written

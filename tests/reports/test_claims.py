@@ -3,9 +3,17 @@ import pandas as pd
 import pytest
 
 from reports import claims
-from reports.claims import CLAIMS, Claim, Contrast, Setting, verdicts
+from reports.claims import (
+    CLAIMS,
+    Claim,
+    Contrast,
+    Setting,
+    trains_in_a_tenth_of_the_time,
+    verdicts,
+)
 from reports.results import Results
 from reports.stats import interquartile_mean, mcnemar, paired_difference
+from reports.style import TASKS
 from tasks.data import generator
 
 
@@ -128,3 +136,27 @@ def test_the_interquartile_mean_covers_what_it_estimates():
         _, low, high = interquartile_mean(outcomes, study, resamples=400)
         covered += low <= 0.55 <= high
     assert covered >= 180
+
+
+class Timed(Results):
+    """Results that know how long fits took."""
+
+    def __init__(self, seconds):
+        self.frame = pd.DataFrame(
+            {"task": task, "method": method, "fit_seconds": time}
+            for method, time in seconds.items()
+            for task in TASKS
+        )
+
+    def main(self, **values):
+        return self.frame
+
+
+@pytest.mark.parametrize(
+    ("nn", "verdict"), [(30.0, "reproduced"), (4.0, "contradicted"), (np.nan, "not run")]
+)
+def test_training_times_are_compared_with_kodex(nn, verdict):
+    seconds = {"kodex": 2.0, "nn": nn, "lstm": 50.0, "ndp": 20.0, "ngf": 40.0}
+    found, evidence = trains_in_a_tenth_of_the_time(Timed(seconds))
+    assert found == verdict
+    assert ("NDP 10 to 10" in evidence) == (found != "not run")
