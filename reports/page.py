@@ -62,10 +62,15 @@ def _part(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, obj
         "title": exhibit.title,
         "short": exhibit.title.split(":")[0],
         "columns": list(wide.columns),
-        "rows": wide.to_numpy().tolist(),
+        "rows": [[_breakable(text) for text in row] for row in wide.to_numpy().tolist()],
         "caption": exhibit.caption(table),
         "svg": _inline(exhibit.name, path.read_text()) if path.exists() else None,
     }
+
+
+def _breakable(text: str) -> str:
+    """Text that breaks before its interval and the paper's number alone, where a line is short."""
+    return re.sub(r" (?![\[(])", "\u00a0", text)
 
 
 def _film(path: Path) -> dict[str, str]:
