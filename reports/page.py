@@ -62,7 +62,7 @@ def _part(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, obj
         "title": exhibit.title,
         "short": exhibit.title.split(":")[0],
         "columns": list(wide.columns),
-        "rows": [[_breakable(text) for text in row] for row in wide.to_numpy().tolist()],
+        "rows": [[name, *map(_breakable, row)] for name, *row in wide.to_numpy().tolist()],
         "caption": exhibit.caption(table),
         "svg": _inline(exhibit.name, path.read_text()) if path.exists() else None,
     }
