@@ -14,6 +14,7 @@ from methods.dmp import DMPConfig, forcing_activations, whitening
 from methods.lstm import LSTM
 from methods.ndp import NDP
 from methods.ngf import NGF
+from methods.ngf_published import PublishedNGF
 from methods.nn import NN
 from tasks.data import CONTROL_STEP, Demos, Layout, Starts, generator
 
@@ -179,4 +180,24 @@ def test_training(compare, demos, method):
             EPOCHS * DEMOS * (HORIZON - window) * window,
             EPOCHS * PLAIN_DEMOS * (HORIZON - plain_window) * plain_window,
         ),
+    )
+
+
+def test_training_in_pieces_that_fit_a_cache(compare, monkeypatch):
+    """NGF as published takes all demonstrations as one batch."""
+    config = replace(PublishedNGF.sizes["median"], epochs=1)
+    steps = generator("benchmark pieces").standard_normal((200, HORIZON, LAYOUT.state_dim))
+    starts = Starts("door", "demo", np.arange(200), np.zeros((200, 1)))
+    demos = Demos(starts, steps, steps[:, :, :28], steps[:, 1:, :28])
+
+    def train(at_once: int | None) -> None:
+        monkeypatch.setattr(PublishedNGF, "at_once", at_once)
+        PublishedNGF.fit_seeds(config, LAYOUT, demos, demos[:1], SEEDS)
+
+    in_pieces = PublishedNGF.at_once
+    compare(
+        "published_ngf_pieces",
+        ours=lambda: train(in_pieces),
+        peer=lambda: train(None),
+        target=1.5,
     )

@@ -9,7 +9,7 @@ validation demonstrations, predicted from their starts, are reproduced best.
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
@@ -38,6 +38,9 @@ class NetworkConfig(Schedule):
 
 class NetworkMethod(MotionMethod):
     """A motion method that is a network, with a `NetworkConfig`."""
+
+    at_once: ClassVar[int | None] = None
+    """Samples that pass through the network at a time in training, see `minimise`."""
 
     def __init__(self, config: Any, layout: Layout) -> None:
         super().__init__(config, layout)
@@ -100,6 +103,7 @@ class NetworkMethod(MotionMethod):
             name=cls.name,
             seeds=beside,
             validate=lambda weights: one.error(weights, _for_each(weights, unseen)),
+            at_once=cls.at_once,
         )
         for method, result in zip(methods, trained[: len(seeds)], strict=True):
             method._arrays = result.weights | {"state_mean": mean, "state_scale": scale}

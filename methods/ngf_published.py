@@ -47,7 +47,10 @@ class PublishedNGF(NetworkMethod):
     """The transformer, and the correction of its motion."""
 
     name = "ngf"
+    version = 2
     summary = "causal transformer with one corrected step"
+    at_once = 20
+    """What all demonstrations leave behind for the gradients, 143 MB a layer, fits no cache."""
     sizes: ClassVar[Mapping[str, PublishedNGFConfig]] = {
         "small": PublishedNGFConfig(hidden=(64, 32), embedding=32),
         "median": PublishedNGFConfig(hidden=(128, 64), embedding=64),

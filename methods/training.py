@@ -88,6 +88,7 @@ def minimise(
     name: str,
     seeds: Sequence[int],
     validate: Callable[[Weights], Tensor] | None = None,
+    at_once: int | None = None,
 ) -> list[Trained]:
     """Trains one network for each seed.
 
@@ -100,6 +101,8 @@ def minimise(
         seeds: one for each network.
         validate: gives losses (S,); the weights after the epoch where they are lowest are kept,
             those of the last epoch without it.
+        at_once: samples that pass through a network at a time, a whole mini-batch unless told; the
+            gradients of a larger one are summed piece by piece.
 
     Raises:
         TrainingError: some seed's loss was never finite.
@@ -130,10 +133,11 @@ def minimise(
                 optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser
                 optimiser.param_groups[0]["lr"] = next(rates)
                 optimiser.zero_grad()
-                losses = loss(weights, *(part[rows] for part in samples))
-                losses.sum().backward()
+                for piece in rows.split(at_once or schedule.batch_size, dim=1):
+                    losses = loss(weights, *(part[piece] for part in samples))
+                    (losses.sum() * (piece.shape[1] / rows.shape[1])).backward()
+                    total += losses.detach() * piece.shape[1]
                 optimiser.step()
-                total += losses.detach() * rows.shape[1]
             with torch.no_grad():
                 best.note(total / order.shape[1], validate(weights) if validate else None)
     return best.chosen(seeds)

@@ -74,6 +74,17 @@ def test_training_is_that_of_torch_seed_by_seed(line):
         )
 
 
+def test_a_batch_in_pieces_is_the_batch(line):
+    """Ten samples by three: the last piece is smaller, and counts for less."""
+    whole, pieces = (
+        train(draw_line, line_loss, line, replace(SCHEDULE, batch_size=10), at_once=at_once)[0]
+        for at_once in (None, 3)
+    )
+    np.testing.assert_allclose(pieces.losses, whole.losses, rtol=1e-5)
+    for name, array in whole.weights.items():
+        np.testing.assert_allclose(pieces.weights[name], array, atol=1e-6)
+
+
 def test_a_learning_rate_that_decays_falls_linearly_to_nothing(line, monkeypatch):
     seen = []
     step = torch.optim.AdamW.step
