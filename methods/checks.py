@@ -182,10 +182,21 @@ def same_seed_same_answer(method: type[Method]) -> None:
 
 def seeds_alone_or_together(method: type[Method]) -> None:
     """`fit_seeds` gives what `fit` gives, seed by seed."""
-    together = method.fit_seeds(_config(method), LAYOUT, toy(0, 40), toy(1, 10), [1, 2, 3])
-    apart = np.abs(_answer(together[0], _starts()) - _answer(_fitted(method), _starts())).max()
-    _require(apart <= TOLERANCE, f"fit_seeds and fit are {apart:g} apart for the same seed")
+    seeds = [1, 2, 3]
+    together = method.fit_seeds(_config(method), LAYOUT, toy(0, 40), toy(1, 10), seeds)
     _require(len(together) == 3, f"fit_seeds gave {len(together)} methods for 3 seeds")
+    for fitted, seed in zip(together, seeds, strict=True):
+        alone = _answer(_fitted(method, seed), _starts())
+        apart = np.abs(_answer(fitted, _starts()) - alone).max()
+        _require(apart <= TOLERANCE, f"fit_seeds and fit are {apart:g} apart for seed {seed}")
+
+
+def one_answer_if_deterministic(method: type[Method]) -> None:
+    """Where `deterministic` is set, two seeds give the same bits."""
+    if method.deterministic:
+        first, second = (_answer(_fitted(method, seed), _starts()) for seed in (1, 2))
+        same = np.array_equal(first, second)
+        _require(same, "it says that it is deterministic, and two seeds answer differently")
 
 
 def batch_invariance(method: type[Method]) -> None:
@@ -281,6 +292,7 @@ RULES: dict[str, Callable[[type[Method]], None]] = {
         begins_at_the_start,
         same_seed_same_answer,
         seeds_alone_or_together,
+        one_answer_if_deterministic,
         batch_invariance,
         inputs_untouched,
         global_streams_untouched,

@@ -60,6 +60,20 @@ def test_an_action_method_can_keep_every_rule():
     assert [verdict for verdict in check(Steering) if not verdict.passed] == []
 
 
+class Seeded(Kodex):
+    """Each seed has a fit of its own."""
+
+    deterministic = False
+
+    def fit(self, demos, validation, seed):
+        super().fit(demos, validation, seed)
+        self._koopman[0] *= 1 + 0.01 * seed
+
+
+def test_a_method_may_have_a_fit_for_each_seed():
+    assert [verdict for verdict in check(Seeded) if not verdict.passed] == []
+
+
 class Motions(Kodex):
     """KODex whose answers can be spoilt."""
 
@@ -106,6 +120,16 @@ class Nondeterministic(Kodex):
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
         self._koopman += 1e-9 * np.random.default_rng().standard_normal(self._koopman.shape)
+
+
+class FirstSeedForAll(Seeded):
+    @classmethod
+    def fit_seeds(cls, config, layout, demos, validation, seeds):
+        return super().fit_seeds(config, layout, demos, validation, [seeds[0]] * len(seeds))
+
+
+class SeededInSecret(Seeded):
+    deterministic = True
 
 
 class GlobalStream(Kodex):
@@ -166,6 +190,8 @@ class Raises(Kodex):
         (BatchDependent, "batch_invariance", "alone and together"),
         (Still, "beats_holding_still", "holding still has"),
         (Nondeterministic, "same_seed_same_answer", "answer differently"),
+        (FirstSeedForAll, "seeds_alone_or_together", "apart for seed 2"),
+        (SeededInSecret, "one_answer_if_deterministic", "two seeds answer differently"),
         (GlobalStream, "global_streams_untouched", "global random stream of torch"),
         (GlobalStream, "global_streams_unused", "depend on a global random stream"),
         (SeedsGlobally, "global_streams_untouched", "global random stream of random"),
