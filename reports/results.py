@@ -76,6 +76,10 @@ class Results:
         """Returns the diagnostics of the fit in a folder that the frame names."""
         return self.source.diagnostics(folder)
 
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """Returns the fields of the controller with a key that the frame names."""
+        return self.source.controller_spec(key)
+
     def first(self, evaluations: pd.DataFrame, episodes: int) -> pd.DataFrame:
         """Returns the evaluations as they were after so many episodes."""
         rows = []

@@ -12,6 +12,7 @@ from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import colour
 from reports.table_1 import EXHIBIT as TABLE_1
+from reports.table_6 import EXHIBIT as TABLE_6
 from reports.write import exhibits, write_report
 from tasks.data import generator
 
@@ -41,6 +42,9 @@ class MadeUp(Results):
     def outcomes(self, row):
         success = np.arange(min(row["episodes"], 200)) % 4 == 0
         return pd.DataFrame({"success": success, "diverged": ~success & False})
+
+    def controller_spec(self, key):
+        return {"config": {"learning_rate": 1e-4, "epochs": 300}}
 
     def diagnostics(self, folder):
         rng = generator(folder)
@@ -110,6 +114,28 @@ def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
     expected = np.std(100 * nn.successes / nn.episodes)
     row = table[(table.row == "nn") & (table.column == "door")].iloc[0]
     assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 5, 10_000)
+
+
+class TestTable6:
+    def test_it_shows_the_controllers_of_the_run(self, results, monkeypatch):
+        config = {"learning_rate": 2e-4, "epochs": 5}
+        monkeypatch.setattr(results, "controller_spec", lambda key: {"config": config})
+        wide = TABLE_6.wide(TABLE_6.table(results)).to_numpy().tolist()
+        assert wide == [["controller", "0.0002 (0.0001)", "5 (300)"]]
+
+    def test_tasks_whose_controllers_differ_have_rows_of_their_own(self, results, monkeypatch):
+        frame = results.frame
+        tool = set(frame[frame.task == "tool"].controller_key)
+
+        def spec(key):
+            return {"config": {"learning_rate": 1e-4, "epochs": 5 if key in tool else 300}}
+
+        monkeypatch.setattr(results, "controller_spec", spec)
+        iterations = TABLE_6.table(results).pivot(index="row", columns="column", values="value")
+        assert iterations.iterations.to_dict() == {
+            "controller 1: tool": 5,
+            "controller 2: door, relocation, reorientation": 300,
+        }
 
 
 def test_captions_say_what_the_intervals_of_as_many_seeds_cover():
