@@ -10,8 +10,9 @@ from bench.experiments import cells_of
 from bench.presets import get_preset
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import colour
+from reports.style import TASKS, colour
 from reports.table_1 import EXHIBIT as TABLE_1
+from reports.table_2 import EXHIBIT as TABLE_2
 from reports.table_6 import EXHIBIT as TABLE_6
 from reports.write import exhibits, write_report
 from tasks.data import generator
@@ -114,6 +115,14 @@ def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
     expected = np.std(100 * nn.successes / nn.episodes)
     row = table[(table.row == "nn") & (table.column == "door")].iloc[0]
     assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 5, 10_000)
+
+
+def test_sizes_are_those_on_the_most_demonstrations_of_each_task(results):
+    some = MadeUp()
+    fewer = results.frame.demos.where(results.frame.task != "door", 100)
+    some.frame = results.frame.assign(demos=fewer)
+    table = TABLE_2.table(some)
+    assert table.groupby("column").size().to_dict() == dict.fromkeys(TASKS, 3)
 
 
 class TestTable6:
