@@ -1,5 +1,7 @@
 """Figure 7: how often eigenvalue magnitudes of K occur."""
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -10,16 +12,19 @@ from reports.style import colour, display
 from reports.table_12 import magnitudes
 
 EDGES = np.linspace(0, 1.1, 23)
+"""Of the intervals; the last one holds all that is larger, too."""
+LARGEST = f"{EDGES[-2]:.2f} and above"
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each interval of magnitudes and a column for each task: how many."""
+    names = [f"{low:.2f} to {high:.2f}" for low, high in pairwise(EDGES[:-1])] + [LARGEST]
     rows = []
     for task, values in magnitudes(results).items():
-        counts, _ = np.histogram(values, EDGES)
+        counts, _ = np.histogram(np.minimum(values, EDGES[-1]), EDGES)
         rows += [
-            {"row": f"{low:.2f} to {low + EDGES[1]:.2f}", "column": task, "value": float(count)}
-            for low, count in zip(EDGES[:-1], counts, strict=True)
+            {"row": name, "column": task, "value": float(count)}
+            for name, count in zip(names, counts, strict=True)
         ]
     return pd.DataFrame(rows, columns=["row", "column", "value"])
 
@@ -33,7 +38,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         counts = table[table.column == task].value
         axes.stairs(counts, EDGES, fill=True, color=colour(task, tasks))
         axes.axvline(1, color="black", lw=0.8, ls="--")
-        axes.set(title=display(task), xlabel="magnitude")
+        axes.set(title=display(task), xlabel=f"magnitude\n(last bin: {LARGEST})")
     panels[0].set_ylabel("eigenvalues")
     return drawing
 

@@ -9,6 +9,7 @@ import pytest
 from bench.experiments import cells_of
 from bench.presets import get_preset
 from reports.exhibit import Exhibit
+from reports.figure_7 import EXHIBIT as FIGURE_7
 from reports.results import Results
 from reports.style import TASKS, colour
 from reports.table_1 import EXHIBIT as TABLE_1
@@ -123,6 +124,12 @@ def test_sizes_are_those_on_the_most_demonstrations_of_each_task(results):
     some.frame = results.frame.assign(demos=fewer)
     table = TABLE_2.table(some)
     assert table.groupby("column").size().to_dict() == dict.fromkeys(TASKS, 3)
+
+
+def test_every_eigenvalue_is_in_figure_7(results):
+    counts = FIGURE_7.table(results).pivot(index="row", columns="column", values="value")
+    assert set(counts.sum()) == {500}
+    assert (counts.loc["1.05 and above"] > 100).all()
 
 
 class TestTable6:
