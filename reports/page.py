@@ -45,7 +45,7 @@ def render(
         nonce=NONCE,
         notes=results.notes,
         parts=[_part(exhibit, tables[exhibit.name], figures) for exhibit in shown],
-        films=[_film(path) for path in sorted(films.glob("*.mp4"))] if films else [],
+        films=[_film(path) for path in sorted(films.glob("[!.]*.mp4"))] if films else [],
         claims=claims.to_dict("records"),
         missing=missing,
         cells=f"{len(results.frame):,}",

@@ -116,6 +116,11 @@ def test_a_film_can_be_played(opened, tmp_path):
     assert [url for url in view.asked if not url.startswith("data:")] == view.asked[:1]
 
 
+def test_a_film_that_is_being_written_is_left_out(tmp_path):
+    (tmp_path / ".door-failure.mp4").touch()
+    assert "data:video/mp4" not in page(tmp_path).read_text()
+
+
 def test_tables_sort_by_number_and_by_name(opened):
     view = opened()
     assert first_column(view) == ["KODex", "NN", "NGF"]
