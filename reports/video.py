@@ -189,5 +189,9 @@ def _add_ghost(take: Take, scene: mujoco.MjvScene, data: mujoco.MjData, joints: 
     mujoco.mjv_addGeoms(model, data, option, perturb, mujoco.mjtCatBit.mjCAT_DYNAMIC, scene)
     arm = model.jnt_bodyid[0]
     for geom in scene.geoms[before : scene.ngeom]:
-        of_hand = model.body_rootid[model.geom_bodyid[geom.objid]] == model.body_rootid[arm]
+        # Sites are drawn as geoms, and have ids of their own.
+        of_hand = (
+            geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
+            and model.body_rootid[model.geom_bodyid[geom.objid]] == model.body_rootid[arm]
+        )
         geom.rgba = GHOST if of_hand else (0, 0, 0, 0)

@@ -4,12 +4,16 @@ import os
 import subprocess
 
 import imageio_ffmpeg
+import mujoco
 import numpy as np
 import pytest
+
+from reports.video import Take, _add_ghost
 
 pytestmark = pytest.mark.skipif(
     not os.environ["MUJOCO_GL"], reason="MuJoCo cannot draw on this machine"
 )
+OBJECTS = {"tool": ("Object", "nail_board"), "relocation": ("Object",)}
 CHOICE = ("--methods", "expert,kodex", "--start", "1")
 
 
@@ -50,6 +54,19 @@ def test_without_a_start_there_is_a_film_of_success_and_one_of_failure(bench, ta
     assert code == 0
     names = [f"{task.name}-{what}.mp4" for what in ("success", "failure")]
     assert out.split() == [str(results / "videos" / name) for name in names]
+
+
+@pytest.mark.parametrize("task", ["tool", "relocation"], indirect=True)
+def test_a_ghost_is_made_of_geoms_of_the_hand_alone(task):
+    data, scene = mujoco.MjData(task.model), mujoco.MjvScene(task.model, 1000)
+    take = Take("kodex", task, task.model, np.zeros((1, task.model.nq)), None, True)
+    _add_ghost(take, scene, data, np.zeros(task.robot_dim))
+    added = scene.geoms[: scene.ngeom]
+    seen = [geom for geom in added if geom.rgba[3] > 0]
+    assert 20 < len(seen) < len(added)
+    assert {geom.objtype for geom in seen} == {mujoco.mjtObj.mjOBJ_GEOM}
+    bodies = {task.model.geom_bodyid[geom.objid] for geom in seen}
+    assert not {task.model.body(name).id for name in OBJECTS[task.name]} & bodies
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
