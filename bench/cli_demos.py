@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.options import SOME_FAILED, TaskName
+from tasks.errors import InputError
 from tasks.registry import TASKS, get_task
 
 if TYPE_CHECKING:
@@ -53,8 +54,12 @@ def import_set(
     from tasks.demos import save_demos
     from tasks.minari import import_demos
 
+    if out.exists():
+        raise InputError(f"{out} exists: name a file that does not")
     imported = import_demos(get_task(task), folder)
     _print_replay(task, imported.success)
+    if not len(imported.demos):
+        raise InputError(f"no episode of {folder} succeeds on replay: there is nothing to write")
     save_demos(imported.demos, out)
     print(f"wrote {len(imported.demos)} demonstrations to {out}")
 

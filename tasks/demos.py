@@ -153,7 +153,7 @@ def load_demos(task: Task, recipe: str | None = None) -> Demos:
                 " damaged: give their file again with --demos"
             )
         if path.exists():
-            print(f"{path} is damaged: it is made anew", file=sys.stderr)
+            print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
         save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
         data = path.read_bytes()
     return _from_bytes(task, data)
@@ -209,7 +209,7 @@ def adopt_demos(task: Task, file: Path) -> str:
 def save_demos(demos: Demos, path: Path) -> None:
     """Writes demonstrations to a file, and its SHA-256 beside it."""
     data = _to_bytes(demos)
-    _write(path.with_suffix(".sha256"), hashlib.sha256(data).hexdigest().encode())
+    _write(_digest_path(path), hashlib.sha256(data).hexdigest().encode())
     _write(path, data)
 
 
@@ -229,11 +229,15 @@ def cache_folder() -> Path:
 
 def _read(path: Path) -> bytes | None:
     """The bytes of a file of demonstrations, or None if it is missing or damaged."""
-    digest = path.with_suffix(".sha256")
+    digest = _digest_path(path)
     if not (path.exists() and digest.exists()):
         return None
     data = path.read_bytes()
-    return data if hashlib.sha256(data).hexdigest() == digest.read_text() else None
+    return data if hashlib.sha256(data).hexdigest().encode() == digest.read_bytes() else None
+
+
+def _digest_path(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
@@ -65,6 +66,26 @@ def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp
     code, out, _ = bench("demos", "verify", "door", str(folder))
     assert code == 3
     assert "5 of 8" in out
+
+
+def test_an_import_replaces_no_file(task, shipped, bench, tmp_path):
+    file = tmp_path / "door.safetensors"
+    file.write_text("mine")
+    code, _, err = bench("demos", "import", "door", str(tmp_path / "set"), "--out", str(file))
+    assert code == 2
+    assert f"{file} exists" in err
+    assert file.read_text() == "mine"
+
+
+def test_an_import_without_a_success_writes_nothing(task, shipped, bench, tmp_path, monkeypatch):
+    folder, file = tmp_path / "set", tmp_path / "door.safetensors"
+    assert bench("demos", "export", "door", str(folder))[0] == 0
+    monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
+    code, out, err = bench("demos", "import", "door", str(folder), "--out", str(file))
+    assert code == 2
+    assert "0 of 8 episodes succeed" in out
+    assert f"no episode of {folder} succeeds" in err
+    assert not file.exists()
 
 
 def test_a_folder_that_is_no_data_set_changes_nothing(task, shipped, bench, tmp_path):

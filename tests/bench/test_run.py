@@ -230,7 +230,7 @@ class TestInProcess:
         else:
             file.write_bytes(b"not safetensors")
             digest = hashlib.sha256(b"not safetensors").hexdigest()
-            file.with_suffix(".sha256").write_text(digest)
+            file.with_name("mine.safetensors.sha256").write_text(digest)
         code, _, error = bench("run", "smoke", "--out", str(out), "--demos", str(file))
         assert code == 2
         assert str(file) in error

@@ -100,6 +100,36 @@ def test_a_flipped_byte_is_noticed_and_made_anew(task, shipped, position, capsys
     assert "damaged" in capsys.readouterr().err
 
 
+def test_damage_to_the_digest_is_noticed_and_made_anew(task, shipped, capsys):
+    demos.load_demos(task)
+    path = demos.demos_path(task)
+    digest = path.with_name(f"{path.name}.sha256")
+    sound = digest.read_bytes()
+    digest.write_bytes(bytes([sound[0] ^ 0x80]) + sound[1:])
+    demos.load_demos(task)
+    assert digest.read_bytes() == sound
+    assert "made anew" in capsys.readouterr().err
+
+
+def test_demonstrations_without_their_digest_are_made_anew(task, shipped, capsys):
+    demos.load_demos(task)
+    path = demos.demos_path(task)
+    data = path.read_bytes()
+    path.with_name(f"{path.name}.sha256").rename(path.with_suffix(".sha256"))
+    demos.load_demos(task)
+    assert path.read_bytes() == data
+    assert "lacks its SHA-256" in capsys.readouterr().err
+
+
+def test_files_that_differ_in_their_ending_alone_are_both_read(task, shipped, tmp_path):
+    made = demos.load_demos(task)
+    files = [tmp_path / name for name in ("mine.human", "mine.cloned")]
+    demos.save_demos(made[:5], files[0])
+    demos.save_demos(made, files[1])
+    found = [demos.load_demos(task, demos.adopt_demos(task, file)) for file in files]
+    assert list(map(len, found)) == [5, 8]
+
+
 def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):
     monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
     with pytest.raises(InputError, match=r"succeeded in 0 of \d+ episodes"):
