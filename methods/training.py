@@ -105,8 +105,10 @@ def minimise(
             gradients of a larger one are summed piece by piece.
 
     Raises:
-        TrainingError: some seed's loss was never finite.
+        TrainingError: there are no samples, or some seed's loss was never finite.
     """
+    if not len(data[0]):
+        raise TrainingError(f"{name} has no samples to learn from")
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
     weights, leaves = {}, []
     for key in drawn[0]:

@@ -21,6 +21,7 @@ from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
 from tasks.demos import load_demos, save_demos
+from tasks.demos import record as record_demos
 from tasks.errors import InputError
 from tasks.masses import READINGS, VARIATIONS
 
@@ -309,6 +310,22 @@ class TestInProcess:
         assert "9.9" in error
         assert "give --mixed" in error
         assert bench("report", str(tmp_path), "--mixed")[0] == 0
+
+    def test_a_controller_without_a_success_to_learn_from_is_a_failure_of_its_own(
+        self, task, smoke, tmp_path, monkeypatch
+    ):
+        def record(task, starts, expert, physics, failures, raw):
+            success, demos = record_demos(task, starts, expert, physics, failures=failures)
+            return success, demos[:0] if physics == "heavy_hand" else demos
+
+        study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
+        monkeypatch.setattr("bench.driver.record", record)
+        assert run(study, tmp_path, Workers(1)).failed == (
+            "door-tuned-on-successes-heavy_hand: TrainingError: controller of door has no samples"
+            " to learn from",
+        )
+        tried = Store(tmp_path).frame().query("controller == 'tuned-on-successes'").physics
+        assert set(tried) == {*VARIATIONS} - {"heavy_hand"}
 
     def test_an_audit_tries_other_masses_and_other_controllers(self, task, smoke, bench, tmp_path):
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})

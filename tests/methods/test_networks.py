@@ -154,6 +154,11 @@ def test_the_weights_of_the_lowest_validation_loss_are_kept(line):
     np.testing.assert_array_equal(first.validation, [3, 1, 2])
 
 
+def test_a_training_without_samples_says_so(line):
+    with pytest.raises(TrainingError, match="test has no samples to learn from"):
+        train(draw_line, line_loss, [part[:0] for part in line])
+
+
 def test_a_training_that_diverges_keeps_its_best_and_one_that_never_was_finite_says_so(line):
     losses = iter([1.0, float("nan"), float("nan")])
 
