@@ -35,9 +35,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
-from safetensors.numpy import load, save
+from safetensors.numpy import load
 
 from tasks.errors import InputError
+from tasks.files import flush, to_bytes
 
 if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
     import pandas as pd
@@ -326,7 +327,7 @@ class Store:
         arrays: Mapping[str, Parameters],
         facts: Mapping[str, Any],
     ) -> None:
-        data = {f"{name}.safetensors": _to_bytes(a) for name, a in arrays.items() if a}
+        data = {f"{name}.safetensors": to_bytes(a) for name, a in arrays.items() if a}
         hashes = {name: hashlib.sha256(content).hexdigest() for name, content in data.items()}
         record = {"format": FORMAT, "key": key, "spec": spec, "facts": facts, "sha256": hashes}
         # JSON's own types, so that what is hashed here is what will be read.
@@ -336,7 +337,7 @@ class Store:
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
         for name, content in data.items():
-            _flush(temporary / name, content)
+            flush(temporary / name, content)
         folder.parent.mkdir(exist_ok=True)
         temporary.rename(folder)
         _flush_folder(folder.parent)
@@ -345,7 +346,7 @@ class Store:
         """Writes a file of the results folder, all of it or nothing."""
         temporary = self.folder / ".unfinished" / f"{path.parent.name}-{path.name}"
         temporary.parent.mkdir(exist_ok=True)
-        _flush(temporary, content)
+        flush(temporary, content)
         temporary.replace(path)
         _flush_folder(path.parent)
 
@@ -538,17 +539,6 @@ def _seal(content: bytes) -> bytes:
 
 def _digest(record: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
-
-
-def _to_bytes(arrays: Parameters) -> bytes:
-    return save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
-
-
-def _flush(path: Path, content: bytes) -> None:
-    with path.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _flush_folder(folder: Path) -> None:

@@ -18,10 +18,11 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from safetensors.numpy import load, save
+from safetensors.numpy import load
 
 from methods.base import ActionMethod, Method, MotionMethod, NotFittedError, shortened
 from tasks.data import Demos, FloatArray, Layout, Starts, generator
+from tasks.files import to_bytes
 
 LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
 HORIZON = 15
@@ -246,9 +247,8 @@ def survives_storage(method: type[Method]) -> None:
     stored = fitted.parameters()
     wrong = [name for name, array in stored.items() if not isinstance(array, np.ndarray)]
     _require(not wrong, f"parameters holds {wrong}, which are no NumPy arrays")
-    content = save({name: np.ascontiguousarray(array) for name, array in stored.items()})
     again = method(_config(method), LAYOUT)
-    again.load(load(content))
+    again.load(load(to_bytes(stored)))
     same = np.array_equal(_answer(again, _starts()), _answer(fitted, _starts()))
     _require(same, "it answers differently once stored and loaded")
 

@@ -8,12 +8,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from safetensors import SafetensorError
-from safetensors.numpy import load, save
+from safetensors.numpy import load
 
 from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, key
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.files import flush, to_bytes
 from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
@@ -243,22 +244,20 @@ def _digest_path(path: Path) -> Path:
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
+    flush(temporary, data)
     temporary.replace(path)
 
 
 def _to_bytes(demos: Demos) -> bytes:
-    arrays = {
-        "states": demos.states,
-        "velocities": demos.velocities,
-        "actions": demos.actions,
-        "start_index": demos.starts.index,
-        "start_values": demos.starts.values,
-    }
-    return save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
+    return to_bytes(
+        {
+            "states": demos.states,
+            "velocities": demos.velocities,
+            "actions": demos.actions,
+            "start_index": demos.starts.index,
+            "start_values": demos.starts.values,
+        }
+    )
 
 
 def _from_bytes(task: Task, data: bytes) -> Demos:

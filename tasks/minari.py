@@ -214,7 +214,7 @@ def _read_episode(task: Task, group: h5py.Group) -> _Episode:
     widths |= {p.name: 4 if p.attribute == "quat" else 3 for p in PLACED[task.name]}
     initial = {name: _attribute(group, _INITIAL + name, width) for name, width in widths.items()}
     actions = _hard(group, "actions", h5py.Dataset)
-    steps, width = task.horizon - 1, task.layout.action_dim
+    steps, width = task.steps, task.layout.action_dim
     if actions.ndim != 2 or actions.shape[0] < steps or actions.shape[1] != width:
         raise InputError(
             f"{actions.name} has shape {actions.shape}: {task.name} needs at least"

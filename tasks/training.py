@@ -127,7 +127,7 @@ def expert_weights(tensors: dict[str, torch.Tensor]) -> dict[str, FloatArray]:
 
 
 def _model(env: VecNormalize, recipe: Recipe) -> PPO:
-    samples = recipe.episodes * (env.venv.task.horizon - 1)
+    samples = recipe.episodes * env.venv.task.steps
     return PPO(
         TimeBlindPolicy,
         env,
@@ -200,7 +200,7 @@ class EpisodesEnv(VecEnv):
         rewards = self._reward(actions)
         self._rewards.append(rewards)
         self._previous = actions
-        ended = len(self._readings) == self.task.horizon - 1
+        ended = len(self._readings) == self.task.steps
         if ended:
             self.success = float(self.task.success(np.stack(self._readings, axis=1)).mean())
             self.earned = float(np.mean(self._rewards))
