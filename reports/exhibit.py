@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -33,7 +33,7 @@ class Exhibit:
     digits: int | None = 1
     """Behind the point; none for as many as it takes."""
     axis: str = "success [%]"
-    figure: Callable[[pd.DataFrame, "Exhibit"], Figure] | None = field(default=None)
+    figure: Callable[[pd.DataFrame, "Exhibit"], Figure] | None = None
     """Draws the table; bars by column and row unless told."""
 
     def draw(self, table: pd.DataFrame) -> Figure:
