@@ -7,7 +7,10 @@ import sys
 from itertools import takewhile
 from pathlib import Path
 
+import pandas as pd
 import pytest
+
+from bench.store import episodes_table
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
@@ -21,6 +24,13 @@ SOURCE = re.sub(
     ),
 )
 """With strings that go on in the next line put together."""
+
+
+class Nothing:
+    """Results without an evaluation."""
+
+    def frame(self):
+        return pd.DataFrame()
 
 
 def commands():
@@ -57,6 +67,12 @@ def test_messages_that_one_may_look_up_are_in_the_code():
     parts = [part.strip() for row in rows for part in row.split("...") if part.strip()]
     assert len(parts) > 8
     assert [part for part in parts if part not in SOURCE] == []
+
+
+def test_the_columns_of_all_episodes_are_listed():
+    text = (ROOT / "docs/results_format.md").read_text()
+    listed = re.findall("`([a-z]+)`", re.search(r"^Columns: (.*?)\.", text, re.M | re.S)[1])
+    assert listed == list(episodes_table(Nothing()).columns)
 
 
 def test_the_docstrings_make_pages(tmp_path):
