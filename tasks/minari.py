@@ -89,16 +89,16 @@ def export_demos(task: Task, demos: Demos, folder: Path) -> None:
         folder: becomes the data set, and must not exist.
 
     Raises:
-        InputError: the folder exists.
+        InputError: the folder exists, or the task has no entry in PLACED.
     """
     if folder.exists():
         raise InputError(f"{folder} exists: name a folder that does not")
+    initial = _initial_states(task, demos.starts)
     limits = spaces.Box(-1.0, 1.0, (task.layout.action_dim,), np.float64)
     seen = spaces.Box(-np.inf, np.inf, (task.layout.state_dim,), np.float64)
     data = folder / "data"
     data.mkdir(parents=True)
     storage = MinariStorage.new(data, observation_space=seen, action_space=limits)
-    initial = _initial_states(task, demos.starts)
     storage.update_episodes(
         _buffer(demos, row, {name: values[row] for name, values in initial.items()})
         for row in range(len(demos))
@@ -117,7 +117,8 @@ def import_demos(task: Task, folder: Path) -> Imported:
     """Returns the episodes of a Minari data set of the task's Adroit environment, replayed.
 
     Raises:
-        InputError: the folder holds no such data set, or something that cannot be replayed.
+        InputError: the folder holds no such data set, or something that cannot be replayed; or the
+            task has no entry in PLACED.
     """
     episodes = _read_episodes(task, folder)
     values = np.stack([START_VALUES[task.name](episode.initial) for episode in episodes])
@@ -138,7 +139,7 @@ class _Replay:
         batch = simulator.batch
         batch.qpos[:] = np.stack([episode.initial["qpos"] for episode in chosen])
         batch.qvel[:] = np.stack([episode.initial["qvel"] for episode in chosen])
-        for placed in PLACED[self.task.name]:
+        for placed in _placed(self.task):
             values = np.stack([episode.initial[placed.name] for episode in chosen])
             setattr(getattr(batch, placed.element)(placed.of), placed.attribute, values)
         simulator.refresh()
@@ -149,10 +150,19 @@ class _Replay:
         return self._actions[:, step]
 
 
+def _placed(task: Task) -> tuple[Placed, ...]:
+    if task.name not in PLACED:
+        raise InputError(
+            f"no Minari format is known for {task.name!r}, but for {', '.join(PLACED)}: see PLACED"
+            " and START_VALUES of tasks/minari.py"
+        )
+    return PLACED[task.name]
+
+
 def _initial_states(task: Task, starts: Starts) -> dict[str, FloatArray]:
     batch = Simulator(task, starts).batch
     initial = {"qpos": batch.qpos.copy(), "qvel": batch.qvel.copy()}
-    for placed in PLACED[task.name]:
+    for placed in _placed(task):
         values = getattr(getattr(batch, placed.element)(placed.of), placed.attribute)
         initial[placed.name] = np.array(values)
     return initial
@@ -211,7 +221,7 @@ def _read_all(task: Task, root: h5py.File, total: int) -> list[_Episode]:
 
 def _read_episode(task: Task, group: h5py.Group) -> _Episode:
     widths = {"qpos": task.model.nq, "qvel": task.model.nv}
-    widths |= {p.name: 4 if p.attribute == "quat" else 3 for p in PLACED[task.name]}
+    widths |= {p.name: 4 if p.attribute == "quat" else 3 for p in _placed(task)}
     initial = {name: _attribute(group, _INITIAL + name, width) for name, width in widths.items()}
     actions = _hard(group, "actions", h5py.Dataset)
     steps, width = task.steps, task.layout.action_dim

@@ -227,6 +227,18 @@ def test_an_existing_folder_is_not_written_to(short, recorded, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_task_whose_format_is_not_known_is_refused(
+    short, recorded, exported, tmp_path, monkeypatch
+):
+    monkeypatch.delitem(PLACED, "door")
+    with pytest.raises(InputError, match="no Minari format is known for 'door', but for tool"):
+        export_demos(short, recorded, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(InputError, match="no Minari format is known for 'door'"):
+        import_demos(short, exported)
+
+
 def test_initial_states_have_the_names_of_the_environments(task):
     names = {
         "tool": {"board_pos"},
