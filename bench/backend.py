@@ -284,7 +284,9 @@ def _dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
         import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise InputError("the backend dask needs: pip install 'kodex-bench[dask]'") from error
+        raise InputError(
+            "the backend dask needs its extra: pip install -e '.[dask]' in a clone"
+        ) from error
     dask.config.set(DASK_CONFIG)
     if scheduler is None:
         cluster = LocalCluster(

@@ -133,7 +133,7 @@ def video(
     try:
         from reports.video import film, telling
     except ImportError as error:
-        raise InputError(f"{error}; install the extra: pip install kodex-bench[video]") from error
+        raise InputError(f"{error}: pip install -e '.[video]' in a clone") from error
 
     names = methods.split(",")
     starts = telling(results, task, names[0]) if start is None else {f"start-{start}": start}

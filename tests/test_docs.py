@@ -69,6 +69,12 @@ def test_messages_that_one_may_look_up_are_in_the_code():
     assert [part for part in parts if part not in SOURCE] == []
 
 
+def test_extras_are_installed_from_a_clone():
+    """The package is on no index."""
+    assert not [page.name for page in PAGES if "kodex-bench[" in page.read_text()]
+    assert "kodex-bench[" not in SOURCE
+
+
 def test_the_columns_of_all_episodes_are_listed():
     text = (ROOT / "docs/results_format.md").read_text()
     listed = re.findall("`([a-z]+)`", re.search(r"^Columns: (.*?)\.", text, re.M | re.S)[1])
