@@ -25,7 +25,7 @@ def table(results: Results) -> pd.DataFrame:
         return pd.DataFrame(columns=["row", "column", "value"])
     label = found.method + " " + found.variant
     rows = [f"{m} {v}" for v in ordered(found.variant, COMPARED) for m in METHODS[1:]]
-    success = in_order(success_table(found.assign(label=label), "label", "task"), rows)
+    success = in_order(success_table(results, found.assign(label=label), "label", "task"), rows)
     return beside(success, _best_published())
 
 

@@ -27,7 +27,7 @@ def table(results: Results) -> pd.DataFrame:
     label = found.task + " " + found.physics
     tuned = found.controller.isin([TUNED, ON_SUCCESSES])
     found = found.assign(label=label.where(~tuned, label + " " + found.controller))
-    success = success_table(found, "label", "method")
+    success = success_table(results, found, "label", "method")
     return in_order(success, sorted(set(success.row), key=_order), METHODS)
 
 

@@ -16,13 +16,15 @@ def table(results: Results) -> pd.DataFrame:
         appendix = results.main(task=task, split="test")
         for episodes, judged in otherwise.groupby("episodes"):
             alike = appendix[appendix.folder.isin(judged.folder)]
-            parts += [results.first(alike, int(episodes)), judged]
+            parts += [alike.assign(episodes=alike.episodes.clip(upper=episodes)), judged]
     if not parts:
         return pd.DataFrame(columns=["row", "column", "value"])
     found = pd.concat(parts)
     label = found.task + " " + found.rule
     columns = [f"{task} {rule}" for task in JUDGED_OTHERWISE for rule in rules(task)]
-    return in_order(success_table(found.assign(label=label), "method", "label"), METHODS, columns)
+    return in_order(
+        success_table(results, found.assign(label=label), "method", "label"), METHODS, columns
+    )
 
 
 EXHIBIT = Exhibit(

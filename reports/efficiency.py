@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from reports.exhibit import Exhibit
-from reports.results import Results, rates
+from reports.results import Results
 from reports.style import METHODS, TASKS, colour, display, ordered
 
 
@@ -15,7 +15,7 @@ def table(results: Results) -> pd.DataFrame:
     found = found[(found.method != "expert")]
     if found.empty or found.demos.nunique() < 2:
         return pd.DataFrame(columns=["row", "column", "value"])
-    return in_rows(rates(found, ["method", "demos", "task"]))
+    return in_rows(results.rates(found, ["method", "demos", "task"]))
 
 
 def in_rows(found: pd.DataFrame) -> pd.DataFrame:

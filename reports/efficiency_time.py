@@ -32,8 +32,8 @@ EXHIBIT = Exhibit(
     title="Training time",
     about=(
         "Seconds to train one seed on so many demonstrations, one thread, alone on the machine"
-        " (bench time): medians of three; of networks, of a twentieth of their epochs, which all"
-        " do the same work."
+        " (bench time): medians of three; of networks, half of what two seeds take together, over"
+        " a twentieth of their epochs, which all do the same work."
     ),
     table=table,
     unit="",

@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from reports.exhibit import Exhibit
-from reports.results import Results, rates
+from reports.results import Results
 from reports.style import colour, display
 from reports.table_11 import SETS
 
@@ -17,7 +17,7 @@ def table(results: Results) -> pd.DataFrame:
     rows = []
     for variant, name in SETS.items():
         found = results.main(method="kodex", variant=variant, split="test")
-        success = rates(found, ["task"]).rename(columns={"task": "column"})
+        success = results.rates(found, ["task"]).rename(columns={"task": "column"})
         rows += success.assign(row=f"{name}: success [%]").to_dict("records")
         for one in found.itertuples():
             error = float(results.diagnostics(one.folder)["imitation_error"].mean())

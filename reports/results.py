@@ -80,20 +80,6 @@ class Results:
         """Returns the fields of the controller with a key that the frame names."""
         return self.source.controller_spec(key)
 
-    def first(self, evaluations: pd.DataFrame, episodes: int) -> pd.DataFrame:
-        """Returns the evaluations as they were after so many episodes."""
-        rows = []
-        for row in evaluations.to_dict("records"):
-            if row["episodes"] > episodes:
-                outcomes = self.outcomes(row).iloc[:episodes]
-                row |= {
-                    "episodes": episodes,
-                    "successes": int(outcomes.success.sum()),
-                    "diverged": int(outcomes.diverged.sum()),
-                }
-            rows.append(row)
-        return pd.DataFrame(rows, columns=evaluations.columns)
-
     def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
         """Returns the episodes of a row of the frame, see `bench.store.Store.outcomes`."""
         return self.source.outcomes(row)
@@ -106,9 +92,42 @@ class Results:
         found = self.main(**values)
         if found.empty:
             return None
-        rows = found.sort_values("seed").to_dict("records")
-        outcomes = [self.outcomes(row).success.to_numpy(bool) for row in rows]
-        return np.stack([one[: min(map(len, outcomes))] for one in outcomes])
+        return self._stacked(found.sort_values("seed"), "success")
+
+    def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+        """Returns one row for each group: success over its seeds, in per cent.
+
+        Of each group the starts count that all its fits have met.
+
+        Columns: those of by, ``value`` the mean, ``spread`` the population standard deviation over
+        seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each,
+        ``diverged``.
+        """
+        rows = []
+        for names, group in evaluations.groupby(list(by), sort=False):
+            success = self._stacked(group, "success")
+            share = 100 * success.mean(axis=1)
+            low, high = rate_interval(success, names)
+            rows.append(
+                dict(zip(by, names, strict=True))
+                | {
+                    "value": share.mean(),
+                    "spread": share.std() if len(share) > 1 else np.nan,
+                    "low": 100 * low,
+                    "high": 100 * high,
+                    "seeds": len(share),
+                    "n": success.shape[1],
+                    "diverged": int(self._stacked(group, "diverged").sum()),
+                }
+            )
+        columns = [*by, "value", "spread", "low", "high", "seeds", "n", "diverged"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def _stacked(self, evaluations: pd.DataFrame, column: str) -> BoolArray:
+        """A column of the evaluations' episodes (S, N), as far as all of them go."""
+        count = int(evaluations.episodes.min())
+        rows = evaluations.to_dict("records")
+        return np.stack([self.outcomes(row)[column].to_numpy(bool)[:count] for row in rows])
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values.
@@ -147,29 +166,3 @@ class Results:
         task, method = found.task.iloc[0], found.method.iloc[0]
         compared = self.select(task=task, method=method, split="validation")
         return pd.Series(best_size(compared, sizes), index=found.index)
-
-
-def rates(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Returns one row for each group: success over its seeds, in per cent.
-
-    Columns: those of by, ``value`` the mean, ``spread`` the population standard deviation over
-    seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each, ``diverged``.
-    """
-    rows = []
-    for names, group in evaluations.groupby(list(by), sort=False):
-        share = 100 * group.successes / group.episodes
-        low, high = rate_interval(group.successes.to_numpy(), group.episodes.to_numpy(), names)
-        rows.append(
-            dict(zip(by, names, strict=True))
-            | {
-                "value": share.mean(),
-                "spread": share.std(ddof=0) if len(share) > 1 else np.nan,
-                "low": 100 * low,
-                "high": 100 * high,
-                "seeds": len(share),
-                "n": int(group.episodes.min()),
-                "diverged": int(group.diverged.sum()),
-            }
-        )
-    columns = [*by, "value", "spread", "low", "high", "seeds", "n", "diverged"]
-    return pd.DataFrame(rows, columns=columns)

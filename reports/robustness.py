@@ -17,12 +17,13 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
         found = pd.concat(varied)
         if found.empty:
             return found.assign(row=[], column=[], value=[])
-        same = results.first(results.main(task=task, split="test"), int(found.episodes.min()))
+        same = results.main(task=task, split="test")
+        same = same.assign(episodes=same.episodes.clip(upper=found.episodes.min()))
         found = pd.concat([same, found])
         label = found.method.where(
             found.controller == "none", found.method + " " + found.controller
         )
-        success = success_table(found.assign(label=label), "label", "physics")
+        success = success_table(results, found.assign(label=label), "label", "physics")
         rows = [f"{m} {c}" for c in ("original", "tuned") for m in METHODS[1:]]
         success = in_order(success, ("expert", *rows), PHYSICS)
         return with_published(success, name)

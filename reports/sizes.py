@@ -14,7 +14,7 @@ def size_exhibit(number: int, method: str) -> Exhibit:
     def table(results: Results) -> pd.DataFrame:
         found = results.select(method=method, split="validation")
         found = found[found.demos == found.groupby("task").demos.transform("max")]
-        return with_published(in_order(success_table(found, "size", "task"), SIZES), name)
+        return with_published(in_order(success_table(results, found, "size", "task"), SIZES), name)
 
     return Exhibit(
         name=name,

@@ -6,23 +6,22 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest, trim_mean
 
-from tasks.data import BoolArray, IntArray, generator
+from tasks.data import BoolArray, FloatArray, generator
 
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
 
 
-def rate_interval(successes: IntArray, episodes: IntArray, name: object) -> tuple[float, float]:
+def rate_interval(outcomes: BoolArray, name: object) -> tuple[float, float]:
     """Returns the 95% interval of a success rate, as fractions: Wilson's of a single fit.
 
     Args:
-        successes: (S,) of each seed's fit.
-        episodes: (S,) of each seed's fit.
+        outcomes: (S, N) success of each seed's fit from each start.
         name: of what is estimated: the resamples are drawn for it.
     """
-    if len(successes) == 1:
-        return wilson(int(successes[0]), int(episodes[0]))
-    return bootstrap(successes, episodes, name)
+    if len(outcomes) == 1:
+        return wilson(int(outcomes.sum()), outcomes.size)
+    return bootstrap(outcomes, name)
 
 
 def wilson(successes: int, episodes: int) -> tuple[float, float]:
@@ -31,17 +30,40 @@ def wilson(successes: int, episodes: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def bootstrap(successes: IntArray, episodes: IntArray, name: object) -> tuple[float, float]:
+def bootstrap(outcomes: BoolArray, name: object) -> tuple[float, float]:
     """Returns the 95% percentile interval of the mean rate over seeds, as fractions.
 
-    Seeds are drawn with replacement, and of each the episodes: what another set of seeds would
-    have given, on another set of starts.
+    Seeds and starts are drawn with replacement: what another set of seeds would have given, on
+    another set of starts. All seeds meet the same starts, those that are drawn too: a start that is
+    hard is hard for most of them.
+
+    Args:
+        outcomes: (S, N) success of each seed's fit from each start.
+        name: of what is estimated: the resamples are drawn for it.
     """
-    rng = generator("bootstrap", str(name))
-    seeds = rng.integers(len(successes), size=(RESAMPLES, len(successes)))
-    counts = rng.binomial(episodes[seeds], (successes / episodes)[seeds])
-    means = (counts / episodes[seeds]).mean(axis=1)
-    low, high = np.quantile(means, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    (rates,) = _redrawn([outcomes], generator("bootstrap", str(name)), RESAMPLES)
+    return _middle(rates.mean(axis=1))
+
+
+def _redrawn(
+    groups: Sequence[BoolArray], rng: np.random.Generator, resamples: int
+) -> list[FloatArray]:
+    """Rates (R, S) of drawn seeds on drawn starts, of fits (S, N) that all meet the same starts."""
+    starts = groups[0].shape[1]
+    # Starts of the same outcomes are one: drawing how often each outcome comes up is far cheaper.
+    kinds, counts = np.unique(np.concatenate(groups), axis=1, return_counts=True)
+    weights = rng.multinomial(starts, counts / starts, size=resamples) / starts
+    drawn = []
+    for outcomes in np.split(kinds, np.cumsum([len(group) for group in groups])[:-1]):
+        rates = weights @ outcomes.T.astype(np.float64)
+        seeds = rng.integers(len(outcomes), size=(resamples, len(outcomes)))
+        drawn.append(np.take_along_axis(rates, seeds, axis=1))
+    return drawn
+
+
+def _middle(values: FloatArray) -> tuple[float, float]:
+    """The ends of the middle 95%."""
+    low, high = np.quantile(values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return float(low), float(high)
 
 
@@ -70,21 +92,13 @@ def paired_difference(
         resamples: how many.
     """
     rng = generator("paired difference", str(name))
-    starts = left.shape[1]
-    # Starts of the same outcomes are one: drawing how often each outcome comes up is far cheaper.
-    kinds, counts = np.unique(np.concatenate([left, right]), axis=1, return_counts=True)
-    weights = rng.multinomial(starts, counts / starts, size=resamples) / starts
-    means = []
-    for outcomes in np.split(kinds, [len(left)]):
-        rates = weights @ outcomes.T.astype(np.float64)
-        seeds = rng.integers(len(outcomes), size=(resamples, len(outcomes)))
-        means.append(np.take_along_axis(rates, seeds, axis=1).mean(axis=1))
+    means = [rates.mean(axis=1) for rates in _redrawn([left, right], rng, resamples)]
     differences = means[0] - means[1]
-    low, high = np.quantile(differences, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    low, high = _middle(differences)
     beyond = 1 + min((differences <= 0).sum(), (differences >= 0).sum())
     single = len(left) == len(right) == 1
     p = mcnemar(left[0], right[0]) if single else min(1.0, 2 * beyond / (1 + resamples))
-    return Difference(float(left.mean() - right.mean()), float(low), float(high), float(p))
+    return Difference(float(left.mean() - right.mean()), low, high, float(p))
 
 
 def mcnemar(left: BoolArray, right: BoolArray) -> float:
@@ -95,25 +109,21 @@ def mcnemar(left: BoolArray, right: BoolArray) -> float:
     return float(binomtest(only_left, only_left + only_right).pvalue)
 
 
-def interquartile_mean(
-    outcomes: Sequence[BoolArray], name: object, resamples: int = 2000
+def mean_over_tasks(
+    outcomes: Sequence[BoolArray], trimmed: float, name: object, resamples: int = 2000
 ) -> tuple[float, float, float]:
-    """Returns the interquartile mean over tasks and seeds of success, and its 95% interval.
+    """Returns the mean over tasks and seeds of success, and its 95% interval.
 
-    The bootstrap is stratified: within each task seeds are drawn again, and of each its episodes.
+    The bootstrap is stratified: within each task seeds and starts are drawn again.
 
     Args:
         outcomes: for each task, (S, N) success of each seed's fit from each start.
+        trimmed: share of the rates that is left out at either end; 0.25 is the interquartile mean.
         name: of what is estimated: the resamples are drawn for it.
         resamples: how many.
     """
-    rng = generator("interquartile mean", str(name))
-    drawn = []
-    for task in outcomes:
-        seeds, episodes = task.shape
-        rates = task.mean(axis=1)[rng.integers(seeds, size=(resamples, seeds))]
-        drawn.append(rng.binomial(episodes, rates) / episodes)
-    means = trim_mean(np.concatenate(drawn, axis=1), 0.25, axis=1)
-    low, high = np.quantile(means, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    value = trim_mean(np.concatenate([task.mean(axis=1) for task in outcomes]), 0.25)
-    return float(value), float(low), float(high)
+    rng = generator("mean over tasks", str(name))
+    drawn = [rates for task in outcomes for rates in _redrawn([task], rng, resamples)]
+    low, high = _middle(trim_mean(np.concatenate(drawn, axis=1), trimmed, axis=1))
+    value = trim_mean(np.concatenate([task.mean(axis=1) for task in outcomes]), trimmed)
+    return float(value), low, high

@@ -9,7 +9,7 @@ from reports.style import METHODS
 
 def success_by_method(results: Results, split: str) -> pd.DataFrame:
     """Returns success [%] on a split: a row for each method, a column for each task."""
-    return in_order(success_table(results.main(split=split), "method", "task"), METHODS)
+    return in_order(success_table(results, results.main(split=split), "method", "task"), METHODS)
 
 
 def table(results: Results) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from reports.claims import (
     verdicts,
 )
 from reports.results import Results
-from reports.stats import interquartile_mean, mcnemar, paired_difference
+from reports.stats import mcnemar, mean_over_tasks, paired_difference
 from reports.style import TASKS
 from tasks.data import generator
 
@@ -122,7 +122,7 @@ def test_mcnemar_is_that_of_statsmodels():
 
 def test_the_interquartile_mean_leaves_out_the_best_and_worst_quarter():
     outcomes = [np.tile(np.arange(100) < 10 * rate, (1, 1)) for rate in (0, 2, 4, 10)]
-    value, low, high = interquartile_mean(outcomes, "tasks")
+    value, low, high = mean_over_tasks(outcomes, 0.25, "tasks")
     assert value == pytest.approx(0.3)
     # Two rates of 100 episodes each count: their mean's standard error is 0.032.
     assert high - low == pytest.approx(2 * 1.96 * 0.032, rel=0.1)
@@ -133,7 +133,7 @@ def test_the_interquartile_mean_covers_what_it_estimates():
     rates, covered = np.array([0.2, 0.5, 0.6, 0.9]), 0
     for study in range(200):
         outcomes = [rng.random((1, 100)) < rate for rate in rates]
-        _, low, high = interquartile_mean(outcomes, study, resamples=400)
+        _, low, high = mean_over_tasks(outcomes, 0.25, study, resamples=400)
         covered += low <= 0.55 <= high
     assert covered >= 180
 
