@@ -235,12 +235,10 @@ def _chosen_fits(
 
 
 def _sizes(study: Study, method: type[Method]) -> list[str]:
-    """The sizes of a method that the study compares."""
+    """The sizes of a method that the study compares; all of a method that has none of them."""
     known = list(method.sizes)
-    if study.sizes is None:
-        return known
-    chosen = [known[0] if size == SMALLEST else size for size in study.sizes]
-    return [size for size in known if size in chosen]
+    chosen = [known[0] if size == SMALLEST else size for size in study.sizes or ()]
+    return [size for size in known if size in chosen] or known
 
 
 def _size(study: Study, method: type[Method], task: str, chosen: Sizes) -> str:
@@ -326,7 +324,7 @@ def _swept(study: Study, method: type[Method]) -> dict[str, set[str]]:
         for experiment, names in variants.items()
     }
     configs = [asdict(method.sizes[size]) for size in _sizes(study, method)]
-    first = configs[0] if configs else {}
+    first = configs[0]
     differ = {field for config in configs for field in first if config[field] != first[field]}
     return swept | {"sizes": differ}
 

@@ -19,7 +19,8 @@ class Study:
     tasks: tuple[str, ...] = TASKS
     methods: tuple[str, ...] = field(default_factory=lambda: tuple(method_names()))
     sizes: tuple[str, ...] | None = None
-    """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method."""
+    """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method.
+    Of a method that has none of them all are compared."""
     variants: tuple[str, ...] | None = None
     """Variants that `audit` compares, all unless told."""
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)

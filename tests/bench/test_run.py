@@ -414,6 +414,16 @@ def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
     assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "recipe"))
 
 
+def test_a_method_without_the_chosen_sizes_has_its_own():
+    study = replace(get_preset("quick"), sizes=("large",))
+    cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
+    sizes = {(cell.fit.method, cell.fit.size) for cell in cells}
+    assert ("kodex", "single") in sizes
+    assert {size for name, size in sizes if name not in ("kodex", "expert")} == {"large"}
+    with pytest.raises(InputError, match="unknown size 'single'"):
+        cells_of(replace(study, methods=("nn",), sizes=("single",)), {})
+
+
 def test_experts_are_evaluated_once_for_all_methods():
     study = get_preset("paper")
     cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
