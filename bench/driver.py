@@ -63,15 +63,17 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         where: who does the jobs.
 
     Raises:
-        InputError: the study asks for what does not exist, or another run writes to the folder.
+        InputError: the study asks for what does not exist, another run writes to the folder, or the
+            folder holds results of another controller, see `Store.check`.
         KeyboardInterrupt: Ctrl-C; what had ended is stored.
     """
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = recipes_of(study)
     # The largest study there can be, so that what does not exist is refused before anything runs.
-    cells_of(study, recipes)
+    largest = cells_of(study, recipes)
     with _running(folder, where) as runner:
+        runner.store.check(largest)
         compared = first_wave(study, recipes)
         runner.compute(compared, study.note)
         chosen = chosen_sizes(study, runner.store.frame()) if compared else {}

@@ -10,7 +10,7 @@ A results folder holds::
         times.json              how long the fit takes with the machine to itself
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
     failures/                   why there is no result yet, one file each
-    damaged/                    what did not pass its check, set aside
+    damaged/                    what did not pass its check or is of another version, set aside
 
 Whatever exists is complete: it was written under another name, flushed to the disk and renamed.
 Nothing read back is ever executed or unpickled.
@@ -138,10 +138,16 @@ class Store:
         Raises:
             InputError: it is not there, or damaged and now set aside.
         """
+        found = self._controller_spec(key)
+        if found is None:
+            raise InputError(f"{self.folder} has lost the controller {key}: run the study again")
+        return found
+
+    def _controller_spec(self, key: str) -> dict[str, Any] | None:
         for folder in self.controllers.glob(f"*-{key[:KEY_DIGITS]}"):
             if record := self._record(folder, key):
                 return dict(record["spec"])
-        raise InputError(f"{self.folder} has lost the controller {key}: run the study again")
+        return None
 
     def controller_weights(self, controller: ControllerSpec) -> Parameters:
         """Returns the weights of a stored controller."""
@@ -162,8 +168,13 @@ class Store:
     def add_episodes(
         self, fit: Fit, evaluation: Evaluation, episodes: Episodes, keep: int = 0
     ) -> None:
-        """Stores episodes, after the first ``keep`` of those that are there already."""
+        """Stores episodes, after the first ``keep`` of those that are there already.
+
+        Those of another version of the task or of the controller are set aside.
+        """
         path = self._evaluation(fit, evaluation)
+        if self._others(fit, evaluation):
+            self._set_aside(path, "it is of another version of the task or of the controller")
         table = _episodes_table(episodes)
         if keep:
             kept = _read_table(path, fit.key).slice(0, keep).cast(table.schema)
@@ -172,14 +183,42 @@ class Store:
         labels |= {"format": str(FORMAT), "fit": fit.key, "key": evaluation.key(fit)}
         self.write(path, _sealed(table.replace_schema_metadata(labels | {"seal": _UNSEALED})))
 
+    def _others(self, fit: Fit, evaluation: Evaluation) -> dict[str, str] | None:
+        """The labels of sound episodes of another key, in the place of those of an evaluation."""
+        path, key = self._evaluation(fit, evaluation), evaluation.key(fit)
+        if _glance(path)[0] == key:
+            return None
+        table = self._table(path, fit.key)
+        return None if table is None else _labels(table)
+
     # Study
-    def ask_for(self, cells: Iterable[Cell], note: str = "") -> None:
+    def check(self, cells: Iterable[Cell]) -> None:
+        """Refuses cells whose place is taken by results of a controller that was trained otherwise.
+
+        Raises:
+            InputError: there is such a cell.
+        """
+        for cell in cells:
+            others = self._others(cell.fit, cell.evaluation) if cell.controller else None
+            spec = self._controller_spec(others["controller_key"]) if others else None
+            differ = _differences(spec, asdict(cell.controller)) if spec and cell.controller else []
+            if differ:
+                raise InputError(
+                    f"{self.folder} holds {cell.evaluation.name} of {cell.fit.label}"
+                    f" with another controller ({', '.join(differ)}): choose another folder"
+                )
+
+    def ask_for(self, cells: Sequence[Cell], note: str = "") -> None:
         """Notes what is asked for, beside what was before; of one label, the last asked counts.
 
         Args:
             cells: whose results tables will show.
             note: what a reader of the tables must know.
+
+        Raises:
+            InputError: see `check`.
         """
+        self.check(cells)
         study, notes = self.study(), self.notes()
         notes += [note] if note and note not in notes else []
         for cell in cells:
@@ -485,6 +524,26 @@ def _read_table(path: Path, fit_key: str) -> pa.Table:
         place = (labels["fit"], evaluation_name(labels), labels["format"])
         _check(place == (fit_key, path.stem, str(FORMAT)), "its place")
     return table
+
+
+def _glance(path: Path) -> tuple[str, int]:
+    """The key and number of stored episodes as their file has it, unchecked, or none."""
+    try:
+        with _reading():
+            found = pq.read_metadata(path)
+            return found.metadata[b"key"].decode(), found.num_rows
+    except DamagedError:
+        return "", 0
+
+
+def _differences(spec: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+    """What a stored controller was trained with otherwise than one that is asked for."""
+    asked = json.loads(json.dumps(asked))
+    return [
+        f"its {name} {spec.get(name)}, asked for {asked[name]}"
+        for name in ("demos", "config")
+        if spec.get(name) != asked[name]
+    ]
 
 
 def _labels(table: pa.Table) -> dict[str, str]:

@@ -12,6 +12,7 @@ import pytest
 from bench import load
 from bench import run as run_from_python
 from bench.backend import Workers
+from bench.controller import ControllerConfig
 from bench.driver import run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
 from bench.plan import schedule
@@ -137,6 +138,39 @@ class TestInProcess:
         assert run(study, tmp_path, Workers(1)).done == 4
         assert files_of(tmp_path) == before
         assert "set aside" in capsys.readouterr().err
+
+    def test_results_of_another_controller_are_refused_before_anything_runs(
+        self, task, smoke, tmp_path, files_of
+    ):
+        study = get_preset("smoke")
+        run(study, tmp_path, Workers(1))
+        before, asked = files_of(tmp_path), Store(tmp_path).study()
+        for other, answer in (
+            (replace(study, controller=ControllerConfig(epochs=6)), "another controller .its conf"),
+            (
+                replace(study, controller=ControllerConfig(epochs=6), episodes={"ood": 1}),
+                "eval-ood",
+            ),
+        ):
+            with pytest.raises(InputError, match=answer) as refusal:
+                run(other, tmp_path, Workers(1))
+            assert "of door-kodex-described-single-n6-s0 with" in str(refusal.value)
+            assert "choose another folder" in str(refusal.value)
+        assert files_of(tmp_path) == before
+        assert Store(tmp_path).study() == asked
+
+    def test_results_of_another_version_are_set_aside_and_computed_again(
+        self, task, smoke, tmp_path, monkeypatch, capsys
+    ):
+        study = get_preset("smoke")
+        run(study, tmp_path, Workers(1))
+        before = {path.read_bytes() for path in tmp_path.glob("cells/door-kodex*/eval-*")}
+        monkeypatch.setattr("bench.controller.VERSION", 2)
+        # The controller, and all three evaluations that it has a part in.
+        assert run(study, tmp_path, Workers(1)).done == 4
+        assert capsys.readouterr().err.count("set aside as") == 3
+        assert {path.read_bytes() for path in (tmp_path / "damaged").iterdir()} == before
+        assert run(study, tmp_path, Workers(1)).done == 0
 
     def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
         out = ("--out", str(tmp_path), "--jobs", "1")
