@@ -300,20 +300,27 @@ def _check_settings(study: Study) -> None:
     for (name, field), value in study.settings.items():
         if name not in study.methods:
             raise InputError(f"a setting for {name!r}, which is not among the methods of the run")
-        config = next(iter(get_method(name).sizes.values()))
-        known = [other.name for other in fields(config)]
-        if field not in known:
-            raise unknown_name(f"config field of {name}", field, known)
-        hint = get_type_hints(type(config))[field]
-        if not _is(value, hint):
-            shown = hint.__name__ if isinstance(hint, type) else hint
-            raise InputError(f"{name}.{field} takes {shown}, got {value!r}")
+        for variant in _variants(study, get_method(name)):
+            config = next(iter(get_method(name, variant).sizes.values()))
+            known = [other.name for other in fields(config)]
+            if field not in known:
+                raise unknown_name(f"config field of {name} as {variant}", field, known)
+            hint = get_type_hints(type(config))[field]
+            if not _is(value, hint):
+                shown = hint.__name__ if isinstance(hint, type) else hint
+                raise InputError(f"{name}.{field} takes {shown}, got {value!r}")
         for experiment, swept in _swept(study, get_method(name)).items():
             if field in swept and experiment in study.episodes:
                 raise InputError(
                     f"{name}.{field} is what {experiment} compares: leave that out with"
                     " --experiments, or the setting"
                 )
+
+
+def _variants(study: Study, method: type[Method]) -> list[str]:
+    """The variants of a method whose fits may be asked for."""
+    audited = _audited(study, method) if "audit" in study.episodes else []
+    return list(dict.fromkeys(["described", *audited]))
 
 
 def _swept(study: Study, method: type[Method]) -> dict[str, set[str]]:

@@ -41,7 +41,8 @@ VALUES = st.recursive(
 FIELDS = [
     (name, field)
     for name in method_names()
-    for field in vars(next(iter(get_method(name).sizes.values())))
+    for variant in ("described", "published")
+    for field in vars(next(iter(get_method(name, variant).sizes.values())))
 ]
 
 
@@ -67,10 +68,10 @@ def test_any_command_line_is_understood_or_refused(times):
 
 def test_any_value_of_a_config_is_understood_or_refused(times):
     @settings(max_examples=100 * times)
-    @given(place=st.sampled_from(FIELDS), value=VALUES)
-    def fuzz(place, value):
+    @given(preset=st.sampled_from(["smoke", "paper"]), place=st.sampled_from(FIELDS), value=VALUES)
+    def fuzz(preset, place, value):
         study = replace(
-            PRESETS["smoke"],
+            PRESETS[preset],
             methods=(place[0],),
             settings={place: json.loads(json.dumps(value))},
         )

@@ -448,6 +448,16 @@ def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
     assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "recipe"))
 
 
+def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
+    study = replace(get_preset("paper"), settings={("ngf", "window"): 5})
+    recipes = dict.fromkeys(study.tasks, "recipe")
+    with pytest.raises(InputError, match="unknown config field of ngf as published 'window'"):
+        cells_of(study, recipes)
+    assert cells_of(replace(study, variants=("described",)), recipes)
+    episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
+    assert cells_of(replace(study, episodes=episodes), recipes)
+
+
 def test_a_method_without_the_chosen_sizes_has_its_own():
     study = replace(get_preset("quick"), sizes=("large",))
     cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
