@@ -10,7 +10,7 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -132,7 +132,7 @@ class _Runner:
     def compute(self, cells: Sequence[Cell], note: str) -> None:
         """Computes what is missing of the cells, but for what has failed in this run."""
         if cells:
-            self.store.ask_for(cells, note)
+            self.store.ask_for([_possible(cell) for cell in cells], note)
             self._controllers(cells)
             self._fits(cells)
             self._evaluations(cells)
@@ -364,6 +364,13 @@ def _controller_demos(spec: ControllerSpec) -> Demos:
         return training_demos(spec)
     expert = load_expert(task).policy
     return record(task, starts, expert, spec.physics, failures=spec.failures, raw=spec.raw)[1]
+
+
+def _possible(cell: Cell) -> Cell:
+    """The cell, with no more episodes than there are starts."""
+    if cell.evaluation.split != VALIDATION:
+        return cell
+    return replace(cell, episodes=min(cell.episodes, len(validation_demos(cell.fit))))
 
 
 def _starts(cell: Cell) -> Starts:

@@ -26,9 +26,12 @@ def merge(folders: Sequence[Path], out: Path) -> int:
         for source in sources:
             source.frame()  # sets aside what is damaged
             for label, entry in source.study().items():
-                known = study.setdefault(label, {"key": entry["key"], "evaluations": {}})
+                known = study.setdefault(label, {**entry, "evaluations": {}, "episodes": {}})
                 _check(label, known, entry, source.folder)
                 known["evaluations"] |= entry["evaluations"]
+                for evaluation, count in entry["episodes"].items():
+                    most = max(count, known["episodes"].get(evaluation, 0))
+                    known["episodes"][evaluation] = most
             notes += [note for note in source.notes() if note not in notes]
         for source in sources:
             for label, entry in source.study().items():

@@ -222,10 +222,11 @@ class Store:
         study, notes = self.study(), self.notes()
         notes += [note] if note and note not in notes else []
         for cell in cells:
-            entry = study.setdefault(cell.fit.label, {"key": cell.fit.key, "evaluations": {}})
-            if entry["key"] != cell.fit.key:
-                entry |= {"key": cell.fit.key, "evaluations": {}}
+            entry = study.setdefault(cell.fit.label, {})
+            if entry.get("key") != cell.fit.key:
+                entry |= {"key": cell.fit.key, "evaluations": {}, "episodes": {}}
             entry["evaluations"][cell.evaluation.name] = cell.evaluation.key(cell.fit)
+            entry["episodes"][cell.evaluation.name] = cell.episodes
         self.write_study(study, notes)
 
     def write_study(self, study: Mapping[str, Any], notes: list[str]) -> None:
@@ -236,7 +237,10 @@ class Store:
         self.write(self.folder / "study.json", text.encode())
 
     def study(self) -> dict[str, Any]:
-        """Returns what has been asked for: by label of fit, its key and its evaluations' keys.
+        """Returns what has been asked for, by label of fit.
+
+        Of each its ``key``, and by name of evaluation the keys of its ``evaluations`` and how many
+        ``episodes``.
 
         Raises:
             InputError: study.json is damaged.
@@ -264,27 +268,25 @@ class Store:
             ) from error
 
     def progress(self) -> dict[str, int]:
-        """Returns how many fits and evaluations were asked for, and how many are there.
+        """Returns how many fits and evaluations were asked for, and how many are there in full.
 
         Raises:
             InputError: the folder holds no results.
         """
         self._require_results()
         study = self.study()
-        there = set(os.listdir(self.cells))
-        found = {}
-        for label, entry in study.items():
-            folder = folder_name(label, entry["key"])
-            found[label] = set(os.listdir(self.cells / folder)) if folder in there else set()
+        folders = {label: self.cells / folder_name(label, study[label]["key"]) for label in study}
+        done = [
+            there == key and found >= entry["episodes"].get(name, 0)
+            for label, entry in study.items()
+            for name, key in entry["evaluations"].items()
+            for there, found in [_glance(folders[label] / f"{name}.parquet")]
+        ]
         return {
             "fits": len(study),
-            "fits_done": sum("fit.json" in files for files in found.values()),
-            "evaluations": sum(len(entry["evaluations"]) for entry in study.values()),
-            "evaluations_done": sum(
-                f"{name}.parquet" in found[label]
-                for label, entry in study.items()
-                for name in entry["evaluations"]
-            ),
+            "fits_done": sum((folder / "fit.json").exists() for folder in folders.values()),
+            "evaluations": len(done),
+            "evaluations_done": sum(done),
         }
 
     def frame(self) -> pd.DataFrame:
@@ -489,7 +491,8 @@ def _read_study(path: Path) -> tuple[dict[str, Any], list[str]]:
         for label, entry in fits.items():
             keys = {label: entry["key"], **entry["evaluations"]}
             sound = all(_FILE.fullmatch(name) and _KEY.fullmatch(key) for name, key in keys.items())
-            _check(sound, label)
+            counts = entry.setdefault("episodes", {})  # earlier versions did not note them
+            _check(sound and all(isinstance(count, int) for count in counts.values()), label)
         _check(all(isinstance(note, str) for note in notes), "its notes")
     return fits, notes
 

@@ -65,6 +65,26 @@ class TestInProcess:
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
         assert "evaluations: 4 of 5 done" in bench("status", str(tmp_path))[1]
 
+    def test_status_counts_evaluations_of_all_episodes_and_of_what_was_asked_for_alone(
+        self, task, smoke, bench, tmp_path
+    ):
+        run(get_preset("smoke"), tmp_path, Workers(1))
+        store = Store(tmp_path)
+        study, notes = store.study(), store.notes()
+        label = "door-kodex-described-single-n6-s0"
+        test, ood = (f"eval-{split}-nominal-original-appendix" for split in ("test", "ood"))
+        assert study[label]["episodes"][test] == 20
+        study[label]["episodes"][test] = 21
+        study[label]["evaluations"][ood] = 64 * "0"
+        store.write_study(study, notes)
+        assert store.progress()["evaluations_done"] == 3
+        for entry in study.values():
+            del entry["episodes"]
+        store.write_study(study, notes)
+        assert store.progress()["evaluations_done"] == 4
+        next(tmp_path.glob("cells/door-kodex*/eval-test*")).write_bytes(b"damaged")
+        assert store.progress()["evaluations_done"] == 3
+
     def test_a_plan_prices_what_is_missing(self, task, smoke, bench, tmp_path):
         options = ("smoke", "--jobs", "1", "--out", str(tmp_path))
         before = json.loads(bench("plan", *options, "--json")[1])
