@@ -1,6 +1,5 @@
 """Merge results folders, as from several machines, into one."""
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,8 @@ from tasks.errors import InputError
 def merge(folders: Sequence[Path], out: Path) -> int:
     """Copies everything sound of several results folders into one; returns how many fits there are.
 
-    Where two hold the same evaluation, the one of more episodes is kept.
+    Where two hold the same evaluation, the one of more episodes is kept. What is damaged is set
+    aside where it lies, in ``out`` too.
 
     Raises:
         InputError: a folder holds no results, or two hold different results under one label.
@@ -22,9 +22,11 @@ def merge(folders: Sequence[Path], out: Path) -> int:
     sources = [Store(folder) for folder in folders]
     target = Store(out)
     with target.locked():
+        if target.cells.exists():
+            target.sweep()
         study, notes = target.study(), target.notes()
         for source in sources:
-            source.frame()  # sets aside what is damaged
+            source.sweep()
             for label, entry in source.study().items():
                 known = study.setdefault(label, {**entry, "evaluations": {}, "episodes": {}})
                 _check(label, known, entry, source.folder)
@@ -71,9 +73,5 @@ def _episodes(path: Path) -> int:
 
 
 def _copy_folder(source: Path, target: Store, folder: Path) -> None:
-    if folder.exists():
-        return
-    temporary = target.folder / ".unfinished" / folder.name
-    shutil.copytree(source, temporary)
-    folder.parent.mkdir(exist_ok=True)
-    temporary.rename(folder)
+    if not folder.exists():
+        target.write_folder(folder, {path.name: path.read_bytes() for path in source.iterdir()})

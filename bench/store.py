@@ -305,7 +305,7 @@ class Store:
         for label, entry in sorted(self.study().items()):
             folder = self.cells / folder_name(label, entry["key"])
             record = self._record(folder, entry["key"])
-            times = self._unless_damaged(folder / "times.json", partial(_read_times, folder))
+            times = self._times(folder)
             for name, key in sorted(entry["evaluations"].items()) if record else ():
                 table = self._table(folder / f"{name}.parquet", entry["key"])
                 if record and table is not None and _labels(table)["key"] == key:
@@ -374,10 +374,14 @@ class Store:
         # JSON's own types, so that what is hashed here is what will be read.
         record = json.loads(json.dumps(record))
         data[f"{kind}.json"] = (json.dumps(record | {"self": _digest(record)}, indent=2)).encode()
+        self.write_folder(folder, data)
+
+    def write_folder(self, folder: Path, files: Mapping[str, bytes]) -> None:
+        """Writes a folder of the results folder, all of it or nothing."""
         temporary = self.folder / ".unfinished" / folder.name
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
-        for name, content in data.items():
+        for name, content in files.items():
             flush(temporary / name, content)
         folder.parent.mkdir(exist_ok=True)
         temporary.rename(folder)
@@ -392,11 +396,27 @@ class Store:
         _flush_folder(path.parent)
 
     # Reading
-    def _record(self, folder: Path, key: str) -> dict[str, Any] | None:
+    def _record(self, folder: Path, key: str | None = None) -> dict[str, Any] | None:
         return self._unless_damaged(folder, lambda: _read_record(folder, key))
+
+    def _times(self, folder: Path) -> list[float] | None:
+        return self._unless_damaged(folder / "times.json", partial(_read_times, folder))
 
     def _table(self, path: Path, fit_key: str) -> pa.Table | None:
         return self._unless_damaged(path, lambda: _read_table(path, fit_key))
+
+    def sweep(self) -> None:
+        """Sets aside all that is damaged, whether it was asked for or not.
+
+        Raises:
+            InputError: the folder holds no results.
+        """
+        self._require_results()
+        for folder in (*self.cells.glob("*/"), *self.controllers.glob("*/")):
+            if record := self._record(folder):
+                for path in folder.glob("eval-*.parquet"):
+                    self._table(path, record["key"])
+                self._times(folder)
 
     def _unless_damaged(self, path: Path, read: Callable[[], Any]) -> Any:
         """What is read from a path; None if it is not there, or damaged and now set aside."""
@@ -467,13 +487,17 @@ def _reading(what: str = "it") -> Iterator[None]:
         raise DamagedError(f"{what} cannot be read ({error})") from error
 
 
-def _read_record(folder: Path, key: str) -> dict[str, Any]:
-    """Returns fit.json or controller.json of a folder once all it says has been checked."""
+def _read_record(folder: Path, key: str | None = None) -> dict[str, Any]:
+    """Returns fit.json or controller.json of a folder once all it says has been checked.
+
+    Without a key, it is to have the one that its folder is named for.
+    """
     path = folder / ("controller.json" if folder.parent.name == "controllers" else "fit.json")
     with _reading(path.name):
         record = dict(json.loads(path.read_bytes()))
         _check(record.pop("self") == _digest(record), path.name)
-        _check(record["key"] == key, "its key")
+        named = folder.name.endswith(f"-{record['key'][:KEY_DIGITS]}")
+        _check(named and key in (None, record["key"]), "its key")
         _check(
             all(isinstance(record[name], dict) for name in ("spec", "facts", "sha256")), path.name
         )

@@ -154,6 +154,7 @@ def test_any_stored_file_is_read_or_set_aside_or_refused(store, tmp_path, times,
         understood(store.frame)
         understood(store.failures)
         understood(store.progress)
+        understood(store.sweep)
         understood(lambda: store.has_fit(FIT) and store.parameters(FIT))
         understood(lambda: store.episodes(FIT, EVALUATION))
         assert [one.name for one in tmp_path.iterdir()] == ["results"]

@@ -15,6 +15,7 @@ from bench.backend import Workers
 from bench.controller import ControllerConfig
 from bench.driver import run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
+from bench.merge import merge
 from bench.plan import schedule
 from bench.presets import get_preset
 from bench.selection import best_size
@@ -137,6 +138,36 @@ class TestInProcess:
         pd.testing.assert_frame_equal(
             merged.drop(columns="fit_seconds"), alone.drop(columns="fit_seconds")
         )
+
+    @pytest.mark.parametrize(
+        "name",
+        ["cells/door-kodex*/eval-test*", "cells/door-kodex*/weights*", "controllers/*/weights*"],
+    )
+    @pytest.mark.parametrize("harm", ["flipped", "cut"])
+    def test_what_is_damaged_in_the_target_is_merged_anew(
+        self, task, smoke, tmp_path, capsys, files_of, name, harm
+    ):
+        whole, out = tmp_path / "whole", tmp_path / "out"
+        run(get_preset("smoke"), whole, Workers(1))
+        merge([whole], out)
+        path = next(out.glob(name))
+        data = path.read_bytes()
+        middle = len(data) // 2
+        flipped = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+        path.write_bytes(flipped if harm == "flipped" else data[:-7])
+        merge([whole], out)
+        assert files_of(out) == files_of(whole)
+        assert "set aside as" in capsys.readouterr().err
+
+    def test_what_is_merged_is_flushed_before_it_appears(self, task, smoke, tmp_path, monkeypatch):
+        def fail(handle):
+            raise OSError("full")
+
+        run(get_preset("smoke"), tmp_path / "whole", Workers(1))
+        monkeypatch.setattr("bench.store.os.fsync", fail)
+        with pytest.raises(OSError, match="full"):
+            merge([tmp_path / "whole"], tmp_path / "out")
+        assert not (tmp_path / "out/cells").exists()
 
     def test_what_was_not_run_alike_is_not_merged(self, task, smoke, bench, tmp_path):
         for name, value in (("a", 1), ("b", 2)):
