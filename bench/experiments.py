@@ -370,8 +370,9 @@ def _cell(
         acting = Evaluation(fit.task, split, physics, NO_CONTROLLER, rule=rule)
         return Cell(fit, acting, episodes)
     learnt = physics if tuned else NOMINAL
+    recipe = demos_key(get_task(fit.task)) if tuned or raw else fit.recipe
     controller = ControllerSpec(
-        fit.task, study.controller, study.demos, fit.recipe, learnt, failures, raw
+        fit.task, study.controller, study.demos, recipe, learnt, failures, raw
     )
     evaluation = Evaluation(fit.task, split, physics, controller.name, controller.key, rule)
     return Cell(fit, evaluation, episodes, controller)

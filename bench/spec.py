@@ -9,12 +9,15 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import mujoco
+
 from bench.controller import ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED, ControllerConfig
 from bench.store import evaluation_name
 from methods.base import Method
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
+from tasks.demos import demos_key
 from tasks.errors import unknown_name
 from tasks.masses import NOMINAL, physics_names
 from tasks.registry import APPENDIX, get_task
@@ -112,7 +115,10 @@ class Evaluation:
     def key(self, fit: Fit) -> str:
         """Names what comes of a fit in these conditions."""
         task = get_task(self.task, self.rule)
-        rules = (task.version, task.model_hash, task.steps, CHUNK)
+        rules = [task.version, task.model_hash, task.steps, CHUNK]
+        # The task's own recipe says which MuJoCo there is; one of a file does not.
+        if fit.recipe != demos_key(get_task(self.task)):
+            rules.append(mujoco.__version__)
         return key("evaluation", fit.key, asdict(self), rules)
 
 
@@ -124,6 +130,8 @@ class ControllerSpec:
     config: ControllerConfig
     demos: int
     recipe: str
+    """Key of what its demonstrations are made from; the task's own where it learns from what the
+    expert does elsewhere, or raw."""
     physics: str = NOMINAL
     """Where its demonstrations are from; where it is not nominal, the controller is expert-tuned:
     it learns from the expert's first rollouts there (appendix I)."""

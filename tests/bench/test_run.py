@@ -14,7 +14,7 @@ from bench import run as run_from_python
 from bench.backend import Workers
 from bench.controller import ControllerConfig
 from bench.driver import run
-from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes
+from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, recipes_of
 from bench.merge import merge
 from bench.plan import schedule
 from bench.presets import get_preset
@@ -497,6 +497,27 @@ def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
         cells_of(study, dict.fromkeys(study.tasks, "recipe"))
     others = {name: 10 for name in study.episodes if name not in (experiment, "audit")}
     assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "recipe"))
+
+
+def test_controllers_that_learn_from_the_expert_are_its_own_whatever_methods_learn_from():
+    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
+    own, other = cells_of(study, recipes_of(study)), cells_of(study, {"door": "of a file"})
+    assert len(own) == len(other)
+    for mine, theirs in zip(own, other, strict=True):
+        if mine.controller is not None:
+            alike = mine.controller.name != "original"
+            assert (mine.controller == theirs.controller) == alike
+
+
+def test_what_comes_of_a_file_of_demonstrations_hangs_on_the_simulator(monkeypatch):
+    study = replace(get_preset("smoke"), methods=("kodex",))
+    cells = cells_of(study, {"door": "of a file"})
+    before = [(cell.fit.key, cell.evaluation.key(cell.fit)) for cell in cells]
+    monkeypatch.setattr("mujoco.__version__", "9.9")
+    for cell, (fit, evaluation) in zip(cells, before, strict=True):
+        if cell.fit.method == "kodex":
+            assert cell.fit.key == fit
+            assert cell.evaluation.key(cell.fit) != evaluation
 
 
 def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
