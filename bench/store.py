@@ -52,6 +52,10 @@ KEY_DIGITS = 12
 CONDITIONS = ("split", "physics", "controller", "rule")
 """What tells the evaluations of a fit apart."""
 NUMBERS = ("demos", "seed")
+_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "recipe")
+_SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
+COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
+"""Of what `Store.frame` returns."""
 _SEAL = re.compile(rb"sha256:[0-9a-f]{64}")
 _KEY, _FILE = re.compile("[0-9a-f]{64}"), re.compile("[^/\\0]+")
 _UNSEALED = b"sha256:" + b"0" * 64
@@ -310,7 +314,7 @@ class Store:
                 table = self._table(folder / f"{name}.parquet", entry["key"])
                 if record and table is not None and _labels(table)["key"] == key:
                     rows.append(_row(folder, record, times, table))
-        return pd.DataFrame(rows)
+        return pd.DataFrame(rows, columns=COLUMNS)
 
     def _require_results(self) -> None:
         if not self.cells.exists():

@@ -61,6 +61,8 @@ def verify(source: Source, count: int, episodes: int, draw: int, where: Workers)
             installation makes.
     """
     rows = source.frame().to_dict("records")
+    if not rows:
+        raise InputError("there are no evaluations to verify yet: bench status says how far it is")
     order = generator("verify", draw).permutation(len(rows))[:count]
     chosen = [rows[index] for index in sorted(order)]
     cells = [stored_cell(source, row, episodes) for row in chosen]

@@ -165,7 +165,8 @@ class Together:
         """
         self._sources = [source for source, _ in parts]
         frames = [frame.assign(source=place) for place, (_, frame) in enumerate(parts)]
-        whole = pd.concat(frames, ignore_index=True)
+        # One without rows would turn whole numbers into floats.
+        whole = pd.concat([f for f in frames if len(f)] or frames, ignore_index=True)
         if len(whole):
             _check_alike(whole)
             most = whole.groupby(_PLACE, sort=False).episodes.idxmax()

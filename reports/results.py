@@ -41,8 +41,16 @@ class Results:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each stored evaluation, as `bench.store.Store.frame` has it, task by task."""
+        """One row for each stored evaluation, as `bench.store.Store.frame` has it, task by task.
+
+        Raises:
+            InputError: there are none.
+        """
         found = self.source.frame()
+        if found.empty:
+            raise InputError(
+                "there are no evaluations to show yet: bench status says how far it is"
+            )
         places = {name: place for place, name in enumerate(ordered(found.task, TASKS))}
         return found.sort_values(
             "task", key=lambda names: names.map(places), kind="stable", ignore_index=True
@@ -56,8 +64,7 @@ class Results:
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
         """The hosts and versions that the fits come from, each once."""
-        folders = self.frame.folder.unique() if len(self.frame) else []
-        facts = [self.source.facts(folder) for folder in folders]
+        facts = [self.source.facts(folder) for folder in self.frame.folder.unique()]
         origins = [{"host": one["host"], "versions": one["versions"]} for one in facts]
         return [origin for i, origin in enumerate(origins) if origin not in origins[:i]]
 
@@ -137,8 +144,6 @@ class Results:
         """
         wanted = {"variant": "described", "physics": "nominal", "rule": APPENDIX} | values
         frame = self.frame
-        if frame.empty:
-            return pd.DataFrame(columns=["task", "method", "size", "demos", *wanted])
         keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
         if "controller" not in values:
             keep &= ~frame.controller.isin([UNCLIPPED, ON_SUCCESSES])

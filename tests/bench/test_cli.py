@@ -3,8 +3,11 @@ import subprocess
 import sys
 from itertools import pairwise
 
+import pytest
+
 from bench.experiments import EXPERIMENTS
 from bench.presets import PRESETS
+from bench.store import Store
 from tasks.masses import physics_names
 from tasks.registry import TASKS, get_task
 
@@ -111,3 +114,25 @@ def test_status_of_nothing_is_refused(bench, tmp_path):
     code, _, error = bench("status", str(tmp_path / "nothing"))
     assert code == 2
     assert "holds no results" in error
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "answer"),
+    [
+        ("report", (), "no evaluations to show yet"),
+        ("report", ("--with-reference",), "no evaluations to show yet"),
+        ("compare", ("--methods", "kodex,nn"), "no evaluations to show yet"),
+        ("verify", ("--jobs", "1"), "no evaluations to verify yet"),
+    ],
+)
+def test_what_has_no_evaluation_yet_is_refused(bench, tmp_path, command, options, answer):
+    Store(tmp_path).ask_for([])
+    code, said, error = bench(command, str(tmp_path), *options)
+    assert (code, said) == (2, "")
+    assert answer in error
+
+
+def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
+    Store(tmp_path).ask_for([])
+    code, said, _ = bench("time", str(tmp_path))
+    assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")

@@ -330,6 +330,12 @@ class TestInProcess:
         bench(*run, part, "--episodes", "5")
         bench(*run, more, "--experiments", "success,ood")
         bench("pack", part, "--out", packed)
+        alone = pd.read_parquet(tmp_path / "packed/evaluations.parquet")
+        with (empty := Store(tmp_path / "empty")).locked():
+            empty.ask_for([])
+        bench("pack", part, str(empty.folder), "--out", packed)
+        beside = pd.read_parquet(tmp_path / "packed/evaluations.parquet")
+        pd.testing.assert_frame_equal(beside, alone)
         assert bench("pack", packed, more, "--out", packed)[0] == 0
         episodes = pd.read_parquet(tmp_path / "packed/episodes.parquet")
         assert len(episodes) == 2 * (20 + 20) + 2

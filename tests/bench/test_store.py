@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -82,6 +83,15 @@ def test_the_frame_counts_what_was_asked_for(store):
     # The last to be asked for under a label is what tables show.
     store.ask_for([Cell(OTHER, EVALUATION, 2)])
     assert store.frame().loc[0, "episodes"] == 2
+
+
+def test_the_frame_names_its_columns_before_there_is_a_row(store, tmp_path):
+    columns = list(store.frame().columns)
+    assert set(columns) >= {*asdict(FIT), *asdict(EVALUATION), "episodes", "folder"}
+    empty = Store(tmp_path / "empty")
+    with empty.locked():
+        empty.ask_for([])
+    assert list(empty.frame().columns) == columns
 
 
 def test_episodes_of_another_controller_count_as_missing(store):
