@@ -250,7 +250,7 @@ class _Piece:
 
     @property
     def label(self) -> str:
-        return f"{self.cell.fit.label} {self.cell.evaluation.name} ({len(self.starts)} episodes)"
+        return f"{self.cell.fit.label} {self.cell.evaluation.name}"
 
 
 # Jobs. Each depends on its arguments alone, runs in whichever process, and returns a list with one

@@ -634,6 +634,24 @@ def test_a_failure_is_noted_and_the_rest_goes_on(task, smoke, bench, tmp_path, m
     registry.get_method.cache_clear()
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_failure_is_forgotten_once_its_evaluation_succeeds_in_pieces(
+    task, smoke, tmp_path, monkeypatch
+):
+    def rollout(*arguments, **options):
+        raise MemoryError("too many episodes")
+
+    study = replace(get_preset("smoke"), episodes={"ood": 8})
+    with monkeypatch.context() as patch:
+        patch.setattr("bench.driver.rollout", rollout)
+        assert len(run(study, tmp_path, Workers(1)).failed) == 2
+    assert len(Store(tmp_path).failures()) == 2
+    monkeypatch.setattr("bench.driver.CHUNK", 2)
+    for episodes in (4, 8):
+        run(replace(study, episodes={"ood": episodes}), tmp_path, Workers(1))
+    assert Store(tmp_path).failures() == []
+
+
 def test_a_plan_schedules_jobs_as_they_come():
     assert schedule([], 3) == 0
     assert schedule([1, 2, 3], 1) == 6
