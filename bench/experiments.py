@@ -341,8 +341,11 @@ def _is(value: Any, hint: Any) -> bool:
     if get_origin(hint) in (Union, UnionType):
         return any(_is(value, option) for option in get_args(hint))
     if get_origin(hint) is tuple:
-        inner = get_args(hint)[0]
-        return isinstance(value, list | tuple) and all(_is(one, inner) for one in value)
+        inner = get_args(hint)
+        if not isinstance(value, list | tuple):
+            return False
+        any_length = inner[-1] is Ellipsis
+        return (any_length or len(value) == len(inner)) and all(_is(v, inner[0]) for v in value)
     if isinstance(value, bool) or hint is bool:
         return isinstance(value, bool) and hint is bool
     if hint is float:

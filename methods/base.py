@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.data import Demos, FloatArray, Layout
+from tasks.errors import InputError
 
 Parameters = dict[str, NDArray[Any]]
 """What a fit has learnt: arrays by name, which is all that is stored of it."""
@@ -22,6 +23,19 @@ def shortened(config: Any, epochs: int) -> Any:
     if "epochs" in {field.name for field in fields(config)}:
         return replace(config, epochs=min(config.epochs, epochs))
     return config
+
+
+def check_above(config: Any, bound: float, *names: str) -> None:
+    """Checks fields of a config: numbers, or tuples of them.
+
+    Raises:
+        InputError: a number is not above the bound.
+    """
+    for name in names:
+        value = getattr(config, name)
+        numbers = value if isinstance(value, list | tuple) else [value]
+        if not all(number > bound for number in numbers):  # nor is NaN
+            raise InputError(f"{name} must be above {bound}, got {value!r}")
 
 
 class NotFittedError(RuntimeError):

@@ -19,16 +19,25 @@ from threadpoolctl import threadpool_limits
 from methods.base import MotionMethod, NotFittedError, Parameters
 from methods.lifting import get_observables, lift
 from tasks.data import Demos, FloatArray, Layout
+from tasks.errors import InputError
 
 
 @dataclass(frozen=True)
 class KodexConfig:
-    """What can be chosen about KODex."""
+    """What can be chosen about KODex.
+
+    Raises:
+        InputError: the cutoff is below 0.
+    """
 
     observables: int | str = 3
     """Number of a set of appendix J, or the import path ``"package.module:name"`` of others."""
     cutoff: float = 1.0
     """Directions of G below this multiple of p eps of its largest are noise, in pinv(G)."""
+
+    def __post_init__(self) -> None:
+        if not self.cutoff >= 0:
+            raise InputError(f"cutoff must be 0 or more, got {self.cutoff!r}")
 
 
 LIFTING_VARIANTS = ("described", "set_1", "set_2", "set_4")

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from methods.base import check_above
 from methods.layers import Weights, after, linear, linear_weights
 from methods.network import NetworkConfig, NetworkMethod
 from tasks.data import FloatArray
@@ -25,6 +26,10 @@ class LSTMConfig(NetworkConfig):
     epochs: int = 200
     batch_size: int = 16
     learning_rate: float = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "embedding", "hidden")
 
 
 class LSTM(NetworkMethod):

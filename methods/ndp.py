@@ -9,10 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from methods.base import check_above
 from methods.dmp import DMPConfig, dmp, whitening
 from methods.layers import Weights, mlp, mlp_weights
 from methods.network import NetworkConfig, NetworkMethod
 from tasks.data import FloatArray
+from tasks.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +37,13 @@ class NDPConfig(NetworkConfig):
     epochs: int = 300
     batch_size: int = 16
     learning_rate: float = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "hidden")
+        check_above(self, 1, "basis_functions")
+        if self.dt is not None and not 0 < self.dt < 1:  # a step of 1 would end the phase
+            raise InputError(f"dt must be above 0 and below 1, got {self.dt!r}")
 
 
 class NDP(NetworkMethod):
@@ -87,7 +96,8 @@ class NDP(NetworkMethod):
         out = mlp(weights, "layer", start, len(config.hidden) + 1)
         goal, of_basis = out.split([driven, driven * config.basis_functions], dim=-1)
         of_basis = of_basis.unflatten(-1, (driven, config.basis_functions))
-        layer = DMPConfig(config.basis_functions, steps, config.dt or 1 / steps)
+        dt = 1 / steps if config.dt is None else config.dt
+        layer = DMPConfig(config.basis_functions, steps, dt)
         if config.weight_gain is None:
             of_basis = of_basis @ torch.from_numpy(whitening(layer)).to(of_basis)
         else:

@@ -30,6 +30,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
+from methods.base import check_above
 from methods.layers import Weights, linear, linear_weights
 from methods.network import NetworkConfig, NetworkMethod, windows
 from tasks.data import CONTROL_STEP, FloatArray
@@ -47,6 +48,10 @@ class NGFConfig(NetworkConfig):
     epochs: int = 20
     batch_size: int = 32
     learning_rate: float = 4e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "hidden", "window")
 
 
 class NGF(NetworkMethod):

@@ -20,9 +20,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from methods.base import check_above
 from methods.layers import Weights, linear
 from methods.network import NetworkConfig, NetworkMethod
 from tasks.data import FloatArray
+from tasks.errors import InputError
 
 BLOCKS, HEADS, DT = 4, 4, 0.01
 CORRECTIONS = ("geometry", "potential", "damping")
@@ -41,6 +43,12 @@ class PublishedNGFConfig(NetworkConfig):
     batch_size: int = 200
     learning_rate: float = 1e-3
     weight_decay: float = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "hidden", "embedding")
+        if self.embedding % HEADS:
+            raise InputError(f"embedding must be a multiple of {HEADS}, got {self.embedding}")
 
 
 class PublishedNGF(NetworkMethod):

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from methods.base import check_above
 from methods.layers import Weights, mlp, mlp_weights
 from methods.network import NetworkConfig, NetworkMethod, windows
 from tasks.data import FloatArray
@@ -25,6 +26,10 @@ class NNConfig(NetworkConfig):
     epochs: int = 100
     batch_size: int = 128
     learning_rate: float = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "hidden", "window")
 
 
 class NN(NetworkMethod):

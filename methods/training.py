@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from methods.base import check_above
 from methods.layers import Weights
 from tasks.data import FloatArray, generator
 from tasks.errors import InputError, unknown_name
@@ -64,9 +65,9 @@ class Schedule:
     def __post_init__(self) -> None:
         if self.fresh_adam not in FRESH_ADAM:
             raise unknown_name("time for a fresh Adam", self.fresh_adam, FRESH_ADAM)
-        for name in ("epochs", "batch_size", "learning_rate"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} must be above 0, got {getattr(self, name)!r}")
+        check_above(self, 0, "epochs", "batch_size", "learning_rate")
+        if not self.weight_decay >= 0:
+            raise InputError(f"weight_decay must be 0 or more, got {self.weight_decay!r}")
 
 
 @dataclass(frozen=True)

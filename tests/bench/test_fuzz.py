@@ -5,6 +5,7 @@ import shutil
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,11 +17,18 @@ from bench.experiments import cells_of
 from bench.presets import PRESETS
 from bench.spec import Cell, Evaluation, Fit
 from bench.store import Store, _digest
+from methods.base import shortened
+from methods.checks import LAYOUT, toy
 from methods.registry import get_method, method_names
+from methods.training import TrainingError
 from tasks.data import Episodes, Starts
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
+STUDIES = {
+    "smoke": PRESETS["smoke"],
+    "audit": replace(PRESETS["paper"], tasks=("door",), seeds=(1,), episodes={"audit": 1}),
+}
 RECIPES = dict.fromkeys(TASKS, "recipe")
 WORDS = st.sampled_from(
     [*PRESETS, *TASKS, *method_names(), "success", "small", "published", "1", "2,3", "0", ",", ""]
@@ -38,12 +46,14 @@ VALUES = st.recursive(
     ),
     max_leaves=4,
 )
-FIELDS = [
-    (name, field)
-    for name in method_names()
-    for variant in ("described", "published")
-    for field in vars(next(iter(get_method(name, variant).sizes.values())))
-]
+FIELDS = sorted(
+    {
+        (name, field)
+        for name in method_names()
+        for variant in ("described", "published")
+        for field in vars(next(iter(get_method(name, variant).sizes.values())))
+    }
+)
 
 
 def understood(call):
@@ -78,6 +88,20 @@ def test_any_value_of_a_config_is_understood_or_refused(times):
         understood(lambda: cells_of(study, RECIPES))
 
     fuzz()
+
+
+@pytest.mark.parametrize("place", FIELDS, ids=".".join)
+def test_a_value_that_is_understood_can_be_learnt_with(place):
+    for preset, value in product(("smoke", "audit"), (-1, 0, 1, 2, 0.5, [], [0], [1], [2, 1])):
+        study = replace(STUDIES[preset], methods=(place[0],), settings={place: value})
+        try:
+            fits = [cell.fit for cell in cells_of(study, RECIPES)]
+        except InputError:
+            continue
+        for fit in {fit.key: fit for fit in fits if fit.method != "expert"}.values():
+            config = shortened(fit.build().config, 2)
+            with suppress(TrainingError):
+                get_method(fit.method, fit.variant)(config, LAYOUT).fit(toy(0, 3), toy(3, 2), 1)
 
 
 FIT = Fit("door", "kodex", "described", "single", {"observables": 3}, 10, 0, "recipe")

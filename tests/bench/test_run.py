@@ -479,6 +479,11 @@ class TestInProcess:
             (("smoke", "--set", "kodex.observabls=2"), "did you mean 'observables'"),
             (("smoke", "--set", "kodx.observables=2"), "not among the methods"),
             (("smoke", "--set", "kodex.observables=9"), "choose from [1, 2, 3, 4]"),
+            (("smoke", "--set", "kodex.cutoff=-1"), "cutoff must be 0 or more, got -1"),
+            (
+                ("smoke", "--methods", "ngf", "--set", "ngf.hidden=[64]"),
+                "ngf.hidden takes tuple[int, int], got [64]",
+            ),
         ],
     )
     def test_what_does_not_exist_is_refused(self, task, smoke, bench, tmp_path, options, answer):

@@ -1,5 +1,6 @@
 """The networks and their one training loop, against torch's own modules and plain loops."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -178,12 +179,36 @@ def test_a_training_that_diverges_keeps_its_best_and_one_that_never_was_finite_s
     [
         ("epochs", 0, "above 0"),
         ("learning_rate", -1.0, "above 0"),
+        ("weight_decay", -1.0, "0 or more"),
+        ("weight_decay", np.nan, "0 or more"),
         ("fresh_adam", "bach", "'batch'"),
     ],
 )
 def test_schedules_out_of_range_are_refused(field, value, answer):
     with pytest.raises(InputError, match=answer):
         replace(SCHEDULE, **{field: value})
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "value", "answer"),
+    [
+        (NN, "hidden", (0,), "hidden must be above 0, got (0,)"),
+        (NN, "window", 0, "window must be above 0, got 0"),
+        (NN, "epochs", 0, "epochs must be above 0, got 0"),
+        (LSTM, "hidden", 0, "hidden must be above 0, got 0"),
+        (LSTM, "embedding", -1, "embedding must be above 0, got -1"),
+        (NGF, "hidden", (4, 0), "hidden must be above 0, got (4, 0)"),
+        (NGF, "window", 0, "window must be above 0, got 0"),
+        (PublishedNGF, "embedding", 6, "embedding must be a multiple of 4, got 6"),
+        (NDP, "hidden", (4, -1), "hidden must be above 0, got (4, -1)"),
+        (NDP, "basis_functions", 1, "basis_functions must be above 1, got 1"),
+        (NDP, "dt", 0.0, "dt must be above 0 and below 1, got 0.0"),
+        (NDP, "dt", 1.0, "dt must be above 0 and below 1, got 1.0"),
+    ],
+)
+def test_configs_out_of_range_are_refused(kind, field, value, answer):
+    with pytest.raises(InputError, match=re.escape(answer)):
+        replace(kind.sizes["small"], **{field: value})
 
 
 def test_windows_are_all_stretches_of_all_motions():
