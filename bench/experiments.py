@@ -281,7 +281,11 @@ def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
     names = {field.name for field in fields(config)}
     if "epochs" in names:
         config = replace(config, epochs=max(1, round(config.epochs * study.epochs_share)))
-    chosen = {field: v for (name, field), v in study.settings.items() if name == method.name}
+    chosen = {
+        field: _typed(value, get_type_hints(type(config))[field])
+        for (name, field), value in study.settings.items()
+        if name == method.name
+    }
     return replace(config, **chosen)
 
 
@@ -351,6 +355,13 @@ def _is(value: Any, hint: Any) -> bool:
     if hint is float:
         return isinstance(value, int | float) and -1e300 < value < 1e300  # and so not NaN
     return isinstance(value, hint)
+
+
+def _typed(value: Any, hint: Any) -> Any:
+    """A value that was read from JSON, as a float where a config's field is declared as one."""
+    options = get_args(hint) or (hint,)
+    whole = float in options and int not in options and _is(value, float)
+    return float(value) if whole else value
 
 
 def _acts(fit: Fit) -> bool:

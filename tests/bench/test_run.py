@@ -531,6 +531,17 @@ def test_what_comes_of_a_file_of_demonstrations_hangs_on_the_simulator(monkeypat
             assert cell.evaluation.key(cell.fit) != evaluation
 
 
+@pytest.mark.parametrize(
+    ("name", "field"), [("kodex", "cutoff"), ("ndp", "goal_gain"), ("ndp", "weight_gain")]
+)
+def test_a_whole_number_is_the_same_setting_as_a_float(name, field):
+    def keys(value):
+        study = replace(get_preset("smoke"), methods=(name,), settings={(name, field): value})
+        return [cell.fit.key for cell in cells_of(study, {"door": "recipe"})]
+
+    assert keys(1) == keys(1.0)
+
+
 def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
     study = replace(get_preset("paper"), settings={("ngf", "window"): 5})
     recipes = dict.fromkeys(study.tasks, "recipe")
