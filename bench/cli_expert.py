@@ -20,7 +20,7 @@ def train(
     folder: Annotated[
         Path | None, typer.Option(help="Where the run is kept; the cache unless told.")
     ] = None,
-    threads: Annotated[int, typer.Option(help="Threads to simulate on.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads to simulate on.")] = 2,
 ) -> None:
     """Train an expert by reinforcement learning; the same command again goes on."""
     from tasks.demos import cache_folder
@@ -91,7 +91,7 @@ def probe(
     folder: Annotated[
         Path | None, typer.Option(help="A training run; the shipped expert unless told.")
     ] = None,
-    episodes: Annotated[int, typer.Option(help="Starts of `probe` for KODex.")] = 1000,
+    episodes: Annotated[int, typer.Option(min=1, help="Starts of `probe` for KODex.")] = 1000,
 ) -> None:
     """Measure whether an expert's demonstrations can be imitated; prints one JSON object."""
     from bench.controller import ControllerConfig

@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import asdict, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -171,8 +172,8 @@ def _names(kind: str, text: str, known: Any) -> tuple[str, ...]:
 
 
 def _positive(option: str, value: Number) -> Number:
-    if value < 1:
-        raise InputError(f"--{option} must be 1 or more, got {value}")
+    if not 1 <= value < inf:  # nor is NaN
+        raise InputError(f"--{option} must be 1 or more, and finite, got {value}")
     return value
 
 

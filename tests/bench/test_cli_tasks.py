@@ -50,6 +50,15 @@ def test_what_cannot_be_evaluated_is_a_usage_error(task, shipped, bench, option,
     assert answer in err
 
 
+@pytest.mark.parametrize(("command", "option"), [("train", "--threads"), ("probe", "--episodes")])
+def test_nothing_is_trained_or_probed_with_none(task, shipped, bench, tmp_path, command, option):
+    folder = tmp_path / "training"
+    code, out, err = bench("expert", command, "door", "--folder", str(folder), option, "0")
+    assert (code, out) == (2, "")
+    assert f"Invalid value for '{option}'" in err
+    assert not folder.exists()
+
+
 def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp_path):
     code, out, _ = bench("demos", "make", "door")
     assert code == 0

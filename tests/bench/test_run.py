@@ -475,6 +475,8 @@ class TestInProcess:
             (("smoke", "--seeds", "0"), "--seeds takes a number"),
             (("smoke", "--episodes", "0"), "--episodes must be 1 or more"),
             (("smoke", "--jobs", "0"), "--jobs must be 1 or more"),
+            (("smoke", "--limit", "nan"), "--limit must be 1 or more"),
+            (("smoke", "--limit", "inf"), "--limit must be 1 or more, and finite, got inf"),
             (("smoke", "--set", "kodex"), "METHOD.FIELD=VALUE"),
             (("smoke", "--set", "kodex.observabls=2"), "did you mean 'observables'"),
             (("smoke", "--set", "kodx.observables=2"), "not among the methods"),
