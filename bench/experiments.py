@@ -200,8 +200,8 @@ def cells_of(study: Study, recipes: Recipes, chosen: Sizes | None = None) -> lis
             sizes unless told.
 
     Raises:
-        InputError: the study names an experiment, size, variant or field that does not exist, or a
-            value that a method refuses.
+        InputError: the study names an experiment, size, variant or field that does not exist, a
+            value that a method refuses, or variants without the experiment that compares them.
     """
     for name in study.episodes:
         if name not in EXPERIMENTS:
@@ -298,6 +298,11 @@ def _check_names(study: Study) -> None:
         for name in names or ():
             if name not in allowed:
                 raise unknown_name(kind, name, allowed)
+    if study.variants is not None and "audit" not in study.episodes:
+        raise InputError(
+            f"variants {', '.join(study.variants)} are chosen for audit, which is not among the"
+            f" experiments of the run: {', '.join(study.episodes)}"
+        )
 
 
 def _check_settings(study: Study) -> None:

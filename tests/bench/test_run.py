@@ -470,6 +470,7 @@ class TestInProcess:
             (("smoke", "--methods", "kodx"), "did you mean 'kodex'"),
             (("smoke", "--sizes", "singel"), "did you mean 'single'"),
             (("smoke", "--variants", "publishd"), "choose from described"),
+            (("smoke", "--variants", "described"), "chosen for audit, which is not among"),
             (("smoke", "--experiments", "suces"), "did you mean 'success'"),
             (("smoke", "--seeds", "x"), "--seeds takes a number"),
             (("smoke", "--seeds", "0"), "--seeds takes a number"),
