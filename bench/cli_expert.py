@@ -53,8 +53,7 @@ def evaluate(
     as_json: AsJson = False,
 ) -> None:
     """Measure the success of a shipped expert, which acts without noise."""
-    from scipy.stats import binomtest
-
+    from bench.intervals import wilson
     from tasks.experts import evaluate as evaluate_expert
     from tasks.experts import load_expert
 
@@ -62,7 +61,7 @@ def evaluate(
     if episodes < 1:
         raise InputError(f"--episodes must be 1 or more, got {episodes}")
     counts = evaluate_expert(chosen, load_expert(chosen).policy, split, episodes, physics)
-    interval = binomtest(counts["successes"], episodes).proportion_ci(method="wilson")
+    low, high = wilson(counts["successes"], episodes)
     result: dict[str, Any] = {
         "task": task,
         "split": split,
@@ -70,8 +69,8 @@ def evaluate(
         "episodes": episodes,
         "successes": counts["successes"],
         "success_rate": counts["successes"] / episodes,
-        "low": float(interval.low),
-        "high": float(interval.high),
+        "low": low,
+        "high": high,
         "diverged": counts["diverged"],
     }
     if as_json:

@@ -7,11 +7,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from bench.backend import Workers
 from bench.controller import NO_CONTROLLER, ControllerConfig
 from bench.driver import run_cells
+from bench.intervals import wilson
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import CONDITIONS, Source, Store
 from tasks.data import generator
@@ -41,9 +41,8 @@ class Verdict:
         """Identical, or whether the rate lies within the 95% Wilson interval of the stored one."""
         if not self.differ:
             return IDENTICAL
-        interval = binomtest(self.stored, self.episodes).proportion_ci(0.95, method="wilson")
-        within = interval.low <= self.again / self.episodes <= interval.high
-        return WITHIN if within else OUTSIDE
+        low, high = wilson(self.stored, self.episodes)
+        return WITHIN if low <= self.again / self.episodes <= high else OUTSIDE
 
 
 def verify(source: Source, count: int, episodes: int, draw: int, where: Workers) -> list[Verdict]:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest, trim_mean
 
+from bench.intervals import CONFIDENCE, wilson
 from tasks.data import BoolArray, FloatArray, generator
 
-CONFIDENCE = 0.95
 RESAMPLES = 10_000
 
 
@@ -22,12 +22,6 @@ def rate_interval(outcomes: BoolArray, name: object) -> tuple[float, float]:
     if len(outcomes) == 1:
         return wilson(int(outcomes.sum()), outcomes.size)
     return bootstrap(outcomes, name)
-
-
-def wilson(successes: int, episodes: int) -> tuple[float, float]:
-    """Returns the 95% Wilson interval of a rate, as fractions."""
-    interval = binomtest(successes, episodes).proportion_ci(CONFIDENCE, method="wilson")
-    return float(interval.low), float(interval.high)
 
 
 def bootstrap(outcomes: BoolArray, name: object) -> tuple[float, float]:

@@ -3,7 +3,8 @@ import pytest
 from scipy.stats import norm
 from statsmodels.stats.proportion import proportion_confint
 
-from reports.stats import bootstrap, rate_interval, wilson
+from bench.intervals import wilson
+from reports.stats import bootstrap, rate_interval
 from tasks.data import generator
 
 
