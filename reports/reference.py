@@ -4,7 +4,7 @@ A folder holds::
 
     evaluations.parquet      one row each, as `bench.store.Store.frame` gives them
     episodes.parquet         evaluation (its row above), start, success, diverged, steps
-    diagnostics.safetensors  of each fit, under "<folder>/<name>"
+    diagnostics.safetensors  of each fit those of SHOWN, under "<folder>/<name>"
     provenance.json          what a reader must know, by fit its times, host and versions, and by
                              key what the controllers have learnt from
 """
@@ -26,6 +26,8 @@ from methods.base import Parameters
 from tasks.errors import InputError
 
 SHIPPED = Path(__file__).with_name("reference")
+SHOWN = ("eigenvalues", "imitation_error")
+"""The diagnostics that exhibits show."""
 
 
 def pack(folders: Sequence[Path], out: Path) -> None:
@@ -49,7 +51,10 @@ def pack(folders: Sequence[Path], out: Path) -> None:
     episodes.insert(0, "evaluation", rows)
     fits = frame.folder.unique()
     arrays = {
-        f"{fit}/{name}": values for fit in fits for name, values in results.diagnostics(fit).items()
+        f"{fit}/{name}": values
+        for fit in fits
+        for name, values in results.diagnostics(fit).items()
+        if name in SHOWN
     }
     keys = [key for key in frame.controller_key.unique() if key]
     facts = {
