@@ -99,7 +99,8 @@ class Results:
         found = self.main(**values)
         if found.empty:
             return None
-        return self._stacked(found.sort_values("seed"), "success")
+        episodes = self._episodes(found.sort_values("seed"))
+        return np.stack([one.success.to_numpy(bool) for one in episodes])
 
     def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         """Returns one row for each group: success over its seeds, in per cent.
@@ -112,7 +113,8 @@ class Results:
         """
         rows = []
         for names, group in evaluations.groupby(list(by), sort=False):
-            success = self._stacked(group, "success")
+            episodes = self._episodes(group)
+            success = np.stack([one.success.to_numpy(bool) for one in episodes])
             share = 100 * success.mean(axis=1)
             low, high = rate_interval(success, names)
             rows.append(
@@ -124,17 +126,16 @@ class Results:
                     "high": 100 * high,
                     "seeds": len(share),
                     "n": success.shape[1],
-                    "diverged": int(self._stacked(group, "diverged").sum()),
+                    "diverged": sum(int(one.diverged.sum()) for one in episodes),
                 }
             )
         columns = [*by, "value", "spread", "low", "high", "seeds", "n", "diverged"]
         return pd.DataFrame(rows, columns=columns)
 
-    def _stacked(self, evaluations: pd.DataFrame, column: str) -> BoolArray:
-        """A column of the evaluations' episodes (S, N), as far as all of them go."""
+    def _episodes(self, evaluations: pd.DataFrame) -> list[pd.DataFrame]:
+        """The episodes of each evaluation, as far as all of them go."""
         count = int(evaluations.episodes.min())
-        rows = evaluations.to_dict("records")
-        return np.stack([self.outcomes(row)[column].to_numpy(bool)[:count] for row in rows])
+        return [self.outcomes(row).iloc[:count] for row in evaluations.to_dict("records")]
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values.
