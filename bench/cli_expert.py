@@ -8,7 +8,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bench.options import AsJson, TaskName
-from tasks.errors import InputError
+from tasks.errors import InputError, unknown_name
 from tasks.registry import get_task
 
 app = typer.Typer(no_args_is_help=True, help="Train and evaluate the experts.")
@@ -105,3 +105,20 @@ def probe(
 
         expert = Expert(expert_weights(read_checkpoint(folder)[0]))
     print(json.dumps(probe_expert(chosen, expert, episodes, ControllerConfig()), indent=2))
+
+
+@app.command()
+def track(
+    task: TaskName,
+    physics: Annotated[str, typer.Argument(help="Name of a physics variation.")],
+    episodes: Annotated[int, typer.Option(min=1, help="Starts of `test`, from the first.")] = 200,
+) -> None:
+    """Measure what perfect imitation would have in changed physics; prints a JSON list."""
+    from bench.controller import ControllerConfig
+    from bench.tracking import track as track_expert
+    from tasks.masses import all_changes
+
+    chosen, known = get_task(task), all_changes(task)
+    if physics not in known:
+        raise unknown_name("physics variation", physics, known)
+    print(json.dumps(track_expert(chosen, physics, episodes, ControllerConfig()), indent=2))

@@ -1,11 +1,14 @@
 """`bench expert` and `bench demos`, on a small random expert whose every third episode fails."""
 
 import json
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
+from bench.controller import ControllerConfig
 from tasks.demos import demos_path
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -57,6 +60,24 @@ def test_nothing_is_trained_or_probed_with_none(task, shipped, bench, tmp_path, 
     assert (code, out) == (2, "")
     assert f"Invalid value for '{option}'" in err
     assert not folder.exists()
+
+
+def test_motions_made_here_and_elsewhere_are_tracked_by_both_controllers(
+    task, shipped, bench, monkeypatch
+):
+    monkeypatch.setattr("bench.controller.ControllerConfig", partial(ControllerConfig, epochs=1))
+    code, out, _ = bench("expert", "track", "door", "heavy_hand", "--episodes", "6")
+    assert code == 0
+    rows = [(row["motions"], row["controller"]) for row in json.loads(out)]
+    assert rows == [*product(("nominal", "heavy_hand"), ("original", "tuned"))]
+    # Two of six episodes fail, whatever is done.
+    assert {(row["success"], row["episodes"]) for row in json.loads(out)} == {(4 / 6, 6)}
+
+
+def test_motions_are_tracked_in_changed_physics_alone(task, shipped, bench):
+    code, out, err = bench("expert", "track", "door", "heavy_hands")
+    assert (code, out) == (2, "")
+    assert "did you mean 'heavy_hand'" in err
 
 
 def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp_path):
