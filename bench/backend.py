@@ -280,13 +280,9 @@ def _prepare_worker() -> None:
 
 @contextmanager
 def _dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise InputError(
-            "the backend dask needs its extra: pip install -e '.[dask]' in a clone"
-        ) from error
+    import dask
+    from distributed import Client, LocalCluster
+
     dask.config.set(DASK_CONFIG)
     if scheduler is None:
         cluster = LocalCluster(

@@ -68,12 +68,28 @@ def describe(
     {"task": _print_task, "method": _print_method, "preset": _print_preset}[facts["kind"]](facts)
 
 
+EXTRAS = {
+    "distributed": "dask",
+    "h5py": "data",
+    "imageio_ffmpeg": "video",
+    "minari": "data",
+    "stable_baselines3": "expert",
+}
+"""By module that not every installation has, the extra that brings it."""
+
+
 def main() -> None:
-    """Runs the command line; bad input ends with its message and exit code 2."""
+    """Runs the command line; bad input, or an extra that is missing, ends with exit code 2."""
     try:
         app()
     except InputError as error:
         print(f"bench: {error}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRAS:
+            raise
+        extra = EXTRAS[error.name]
+        print(f"bench: {error}: pip install -e '.[{extra}]' in a clone", file=sys.stderr)
         sys.exit(USAGE_ERROR)
 
 

@@ -213,6 +213,6 @@ def random_demos(task_name: str) -> Demos:
     # Walks rather than noise, whose velocities would tear a second-order policy apart.
     states = rng.standard_normal((*shape, task.layout.state_dim)).cumsum(axis=1) / task.horizon
     velocities = states[:, :, : task.robot_dim]
-    actions = rng.uniform(-1, 1, (_DEMOS, task.horizon - 1, task.layout.action_dim))
+    actions = rng.uniform(-1, 1, (_DEMOS, task.steps, task.layout.action_dim))
     starts = Starts(task_name, "demo", np.arange(_DEMOS), np.zeros((_DEMOS, 1)))
     return Demos(starts, states, velocities, actions)

@@ -17,7 +17,7 @@ class TrackedMotion:
     def reset(self, simulator: Simulator) -> None:
         """Predicts the motions of all episodes, for as long as the task lasts."""
         task = simulator.task
-        motion = self.method.rollout(simulator.state(), task.horizon - 1)
+        motion = self.method.rollout(simulator.state(), task.steps)
         self.motion = motion[:, :, : task.robot_dim]
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:

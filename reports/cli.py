@@ -130,10 +130,7 @@ def video(
     if drawing is None:
         raise InputError("this machine cannot draw: see bench doctor")
     os.environ["MUJOCO_GL"] = drawing
-    try:
-        from reports.video import film, telling
-    except ImportError as error:
-        raise InputError(f"{error}: pip install -e '.[video]' in a clone") from error
+    from reports.video import film, telling
 
     names = methods.split(",")
     starts = telling(results, task, names[0]) if start is None else {f"start-{start}": start}

@@ -25,6 +25,24 @@ def test_list_names_the_four_tasks(bench):
     assert "tool, door, relocation, reorientation" in out
 
 
+@pytest.mark.parametrize(
+    ("library", "importer", "command", "extra"),
+    [
+        ("minari", "tasks.minari", ("demos", "export", "door", "set"), "data"),
+        ("stable_baselines3", "tasks.training", ("expert", "train", "door"), "expert"),
+    ],
+)
+def test_an_extra_that_is_missing_is_named(
+    bench, monkeypatch, tmp_path, library, importer, command, extra
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.delitem(sys.modules, importer, raising=False)
+    code, out, error = bench(*command)
+    assert (code, out) == (2, "")
+    assert f"pip install -e '.[{extra}]'" in error
+
+
 def test_describe_gives_the_facts_of_a_task(bench, task):
     code, out, _ = bench("describe", task.name, "--json")
     facts = json.loads(out)
