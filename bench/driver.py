@@ -149,7 +149,7 @@ class _Runner:
             "controllers",
             controller_job,
             [[spec] for spec in missing],
-            lambda specs: (specs[0], _controller_demos(specs[0])),
+            lambda specs: (specs[0], controller_demos(specs[0])),
             lambda spec, result: self.store.add_controller(spec, result[0], _facts(result[1])),
         )
 
@@ -353,8 +353,8 @@ def _demos_at(path: Path, task: str, recipe: str) -> tuple[Demos, Demos]:
     return split(load_demos(get_task(task), recipe))
 
 
-def _controller_demos(spec: ControllerSpec) -> Demos:
-    """What a controller learns from: the demonstrations, or rollouts of the expert elsewhere."""
+def controller_demos(spec: ControllerSpec) -> Demos:
+    """Returns what a controller learns from: demonstrations, or what the expert does elsewhere."""
     task = get_task(spec.task)
     if spec.physics != NOMINAL:
         starts = task.sample("demo", spec.demos)

@@ -6,11 +6,13 @@ imitating them.
 
 from typing import Any
 
-from bench.controller import ORIGINAL, TUNED, Controller, ControllerConfig, train_controller
+from bench.controller import Controller, ControllerConfig, train_controller
+from bench.driver import controller_demos
 from bench.probe import Recorded
 from bench.rollout import TrackedMotion
+from bench.spec import ControllerSpec
 from tasks.base import Task
-from tasks.demos import TRAINING, load_demos, record, split
+from tasks.demos import TRAINING, demos_key, record
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
 from tasks.simulator import rollout
@@ -31,14 +33,13 @@ def track(
         config: how both controllers are trained.
     """
     expert, starts = load_expert(task).policy, task.sample("test", episodes)
-    elsewhere = task.sample("demo", TRAINING)
-    learnt = {
-        ORIGINAL: split(load_demos(task))[0],
-        TUNED: record(task, elsewhere, expert, physics, failures=True)[1],
-    }
+    specs = [
+        ControllerSpec(task.name, config, TRAINING, demos_key(task), learnt)
+        for learnt in (NOMINAL, physics)
+    ]
     controllers = {
-        name: Controller(train_controller(config, demos, task.name))
-        for name, demos in learnt.items()
+        spec.name: Controller(train_controller(config, controller_demos(spec), task.name))
+        for spec in specs
     }
     rows = []
     for made in (NOMINAL, physics):
