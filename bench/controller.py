@@ -17,7 +17,10 @@ VERSION = 1
 """Raise it when actions change."""
 ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
 UNCLIPPED, ON_SUCCESSES = "unclipped", "tuned-on-successes"
-"""What the controllers are called that `audit` tries in place of the original and the tuned one."""
+RESEEDED = {seed: f"{ORIGINAL}-{seed}" for seed in (2, 3, 4, 5)}
+"""By seed, the controllers that differ from the original in their random numbers alone."""
+AUDITED = (UNCLIPPED, ON_SUCCESSES, *RESEEDED.values())
+"""The controllers that `audit` tries in place of the original and the tuned one."""
 
 _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
@@ -58,13 +61,16 @@ class Controller:
             return (x @ weight + bias).astype(np.float64)
 
 
-def train_controller(config: ControllerConfig, demos: Demos, name: str) -> Parameters:
+def train_controller(
+    config: ControllerConfig, demos: Demos, name: str, seed: int = 1
+) -> Parameters:
     """Returns the weights of a controller after the last epoch.
 
     Args:
         config: layers and schedule.
         demos: whose hand motions and actions are learnt.
         name: of the task; the random weights and the order of samples are drawn for it.
+        seed: they are drawn for it too.
     """
     from methods.layers import mlp, mlp_weights
     from methods.training import Schedule, minimise
@@ -85,6 +91,6 @@ def train_controller(config: ControllerConfig, demos: Demos, name: str) -> Param
             learning_rate=config.learning_rate,
         ),
         name=f"controller of {name}",
-        seeds=[1],
+        seeds=[seed],
     )
     return dict(trained.weights)

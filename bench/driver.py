@@ -258,7 +258,7 @@ class _Piece:
 def controller_job(spec: ControllerSpec, demos: Demos) -> list[tuple[Parameters, float]]:
     """Returns a controller's weights, and the seconds that they took."""
     began = time.perf_counter()
-    weights = train_controller(spec.config, demos, spec.task)
+    weights = train_controller(spec.config, demos, spec.task, spec.seed)
     return [(weights, time.perf_counter() - began)]
 
 

@@ -11,7 +11,14 @@ from typing import Any
 
 import mujoco
 
-from bench.controller import ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED, ControllerConfig
+from bench.controller import (
+    ON_SUCCESSES,
+    ORIGINAL,
+    RESEEDED,
+    TUNED,
+    UNCLIPPED,
+    ControllerConfig,
+)
 from bench.store import evaluation_name
 from methods.base import Method
 from methods.registry import get_method
@@ -139,18 +146,22 @@ class ControllerSpec:
     """Whether those rollouts are kept that fail."""
     raw: bool = False
     """Whether it learns the expert's actions as they were given, instead of clipped to [-1, 1]."""
+    seed: int = 1
+    """Of its random numbers."""
 
     @cached_property
     def key(self) -> str:
         """Names the controller."""
         learnt = (self.demos, self.recipe, self.physics, self.failures, self.raw)
-        return key("controller", self.task, self.config.resolved(), learnt)
+        # The first seed's keys are from before there were others, and do not name it.
+        seed = () if self.seed == 1 else (self.seed,)
+        return key("controller", self.task, self.config.resolved(), (*learnt, *seed))
 
     @property
     def name(self) -> str:
         """What its evaluations call it."""
         if self.physics == NOMINAL:
-            return UNCLIPPED if self.raw else ORIGINAL
+            return UNCLIPPED if self.raw else RESEEDED.get(self.seed, ORIGINAL)
         return TUNED if self.failures else ON_SUCCESSES
 
     @property

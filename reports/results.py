@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.controller import ON_SUCCESSES, UNCLIPPED
+from bench.controller import AUDITED
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
@@ -147,7 +147,7 @@ class Results:
         frame = self.frame
         keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
         if "controller" not in values:
-            keep &= ~frame.controller.isin([UNCLIPPED, ON_SUCCESSES])
+            keep &= ~frame.controller.isin(AUDITED)
         return frame[keep]
 
     def main(self, **values: object) -> pd.DataFrame:

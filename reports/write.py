@@ -24,6 +24,7 @@ MODULES = (
     "efficiency",
     "efficiency_time",
     "audit",
+    "audit_controller",
     "audit_success",
     "audit_appendix_i",
 )

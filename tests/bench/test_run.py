@@ -430,9 +430,25 @@ class TestInProcess:
         assert kodex[kodex.controller == "unclipped"].physics.tolist() == ["nominal"]
         assert set(kodex[kodex.controller == "tuned-on-successes"].physics) == set(VARIATIONS)
         keys = frame[frame.controller != "none"].groupby("controller").controller_key.nunique()
-        assert dict(keys) == {"original": 1, "unclipped": 1, "tuned-on-successes": 4}
+        assert dict(keys) == {
+            "original": 1,
+            "unclipped": 1,
+            "tuned-on-successes": 4,
+            **{f"original-{seed}": 1 for seed in (2, 3, 4, 5)},
+        }
+        weights = [
+            p.read_bytes() for p in tmp_path.glob("controllers/door-original*/*.safetensors")
+        ]
+        assert len(set(weights)) == 5
         assert bench("report", str(tmp_path))[0] == 0
         tables = tmp_path / "report/tables"
+        luck = pd.read_csv(tables / "audit_controller.csv")
+        assert set(luck.row) == {"kodex door"}
+        assert luck.column.unique().tolist() == [
+            "original",
+            *(f"original-{s}" for s in (2, 3, 4, 5)),
+        ]
+        assert (luck.n == 3).all()
         assert "kodex unclipped,door" in (tables / "audit.csv").read_text()
         assert "door heavy_palm,kodex" in (tables / "audit_appendix_i.csv").read_text()
 
@@ -519,7 +535,7 @@ def test_controllers_that_learn_from_the_expert_are_its_own_whatever_methods_lea
     assert len(own) == len(other)
     for mine, theirs in zip(own, other, strict=True):
         if mine.controller is not None:
-            alike = mine.controller.name != "original"
+            alike = not mine.controller.name.startswith("original")
             assert (mine.controller == theirs.controller) == alike
 
 
