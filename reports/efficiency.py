@@ -1,10 +1,9 @@
 """Sample efficiency: success against the number of demonstrations."""
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.exhibit import Exhibit
+from reports.exhibit import Exhibit, errors_of
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, display, ordered
 
@@ -47,13 +46,10 @@ def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
     for axes, task in zip(panels[: len(tasks)], tasks, strict=True):
         for place, method in enumerate(methods):
             part = table[(table.column == task) & (table.method == method)]
-            errors = None
-            if "low" in part:
-                errors = np.maximum([part.value - part.low, part.high - part.value], 0)
             axes.errorbar(
                 part.demos,
                 part.value,
-                errors,
+                errors_of(part),
                 marker="o^sDvP"[place % 6],
                 ms=4,
                 lw=1.2,

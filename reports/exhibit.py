@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from reports.paper import published
 from reports.results import Results
 from reports.style import PUBLISHED, TASKS, colour, display, hatch, ordered
+from tasks.data import FloatArray
 
 COVERAGE = {2: "51 to 96", 3: "70 to 97", 4: "78 to 98", 5: "81 to 98"}
 """By number of seeds, how often the bootstrap's interval holds the mean: simulated, with a standard
@@ -125,7 +126,7 @@ def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars as `bars` does, a panel for each kind of row "method kind".
 
-    A row without a kind, as the expert's, stands in each.
+    A row without a kind, as the expert's, stands in each, beside what that kind has.
     """
     names = table.row.str.split(" ", n=1, expand=True).reindex(columns=[0, 1])
     kinds = names[1].dropna().unique()
@@ -135,7 +136,8 @@ def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     )
     every = drawing.subplots(len(kinds), squeeze=False, sharex=True, sharey=True)[:, 0]
     for axes, kind in zip(every, kinds, strict=True):
-        here = names[1].isna() | (names[1] == kind)
+        own = names[1] == kind
+        here = own | (names[1].isna() & table.column.isin(table.column[own]))
         part = table[here].assign(row=names[0][here])
         _add_bars(axes, part, exhibit, table.column.drop_duplicates().tolist())
         axes.set_title(display(kind), fontsize=10, loc="left")
@@ -152,14 +154,11 @@ def _add_bars(
     for i, row in enumerate(rows):
         part = table[table.row == row].set_index("column").reindex(columns)
         x = np.arange(len(columns)) + (i - (len(rows) - 1) / 2) * width
-        errors = None
-        if "low" in part and part.low.notna().any():
-            errors = np.maximum([part.value - part.low, part.high - part.value], 0)
         axes.bar(
             x,
             part.value,
             0.92 * width,
-            yerr=errors,
+            yerr=errors_of(part),
             capsize=2,
             label=display(row),
             color=colour(row, rows),
@@ -175,6 +174,16 @@ def _add_bars(
     if exhibit.unit == "%":
         axes.set_ylim(0, 105)
     axes.grid(axis="x", visible=False)
+
+
+def errors_of(table: pd.DataFrame) -> FloatArray | None:
+    """Returns how far the intervals (2, rows) reach below and above the values, if there are any.
+
+    At 0 and 100% rounding may put an end past the value.
+    """
+    if "low" not in table or table.low.isna().all():
+        return None
+    return np.maximum([table.value - table.low, table.high - table.value], 0)
 
 
 def _narrow(text: str) -> str:

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.exhibit import Exhibit
+from reports.exhibit import Exhibit, errors_of
 from reports.results import Results
 from reports.style import colour, display
 from reports.table_11 import SETS
@@ -34,10 +34,12 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         for place, task in enumerate(tasks):
             chosen = table[(parts[1] == quantity) & (table.column == task)]
             names = parts[0][chosen.index]
-            axes.plot(
+            axes.errorbar(
                 names,
                 chosen.value,
-                "o^sD"[place] + "-",
+                errors_of(chosen),
+                marker="o^sD"[place],
+                capsize=2,
                 color=colour(task, tasks),
                 label=display(task),
             )
