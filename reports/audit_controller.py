@@ -9,7 +9,7 @@ from reports.style import METHODS, TASKS
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each task and method, and a column for each controller.
+    """Returns a row for each task and method, and a column for each controller and for all.
 
     The same fits stand in each column, and the same starts.
     """
@@ -24,7 +24,14 @@ def table(results: Results) -> pd.DataFrame:
     )
     success = success_table(results, found, "label", "controller")
     rows = [f"{method} {task}" for task in TASKS for method in METHODS[1:]]
-    return in_order(success, rows, (ORIGINAL, *RESEEDED.values()))
+    return in_order(_with_mean(success), rows, (ORIGINAL, *RESEEDED.values()))
+
+
+def _with_mean(success: pd.DataFrame) -> pd.DataFrame:
+    """The table with each row's mean over controllers, and the standard deviation over them."""
+    values = success.groupby("row").value
+    mean = pd.DataFrame({"value": values.mean(), "spread": values.std(ddof=0)})
+    return pd.concat([success, mean.reset_index().assign(column="mean")])
 
 
 EXHIBIT = Exhibit(
@@ -32,7 +39,8 @@ EXHIBIT = Exhibit(
     title="Audit of the controller: other random numbers",
     about=(
         "Success [%] on unseen starts with the original controller, and with four that were"
-        " trained on the same demonstrations with other random numbers."
+        " trained on the same demonstrations with other random numbers; the mean's ± is over"
+        " controllers."
     ),
     table=table,
     figure=panels,
