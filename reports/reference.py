@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from bench.store import CONDITIONS, Source, Store
 from methods.base import Parameters
@@ -69,7 +69,7 @@ def pack(folders: Sequence[Path], out: Path) -> None:
         new = Path(place)
         episodes.to_parquet(new / "episodes.parquet", index=False, compression="zstd")
         table.to_parquet(new / "evaluations.parquet", index=False)
-        save_file(arrays, new / "diagnostics.safetensors")
+        (new / "diagnostics.safetensors").write_bytes(save(arrays))
         (new / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
         for path in sorted(new.iterdir()):
             path.replace(out / path.name)

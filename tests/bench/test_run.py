@@ -255,6 +255,7 @@ class TestInProcess:
         code, said, _ = bench("pack", str(out), "--out", str(small))
         assert code == 0
         assert f"bench report {small} shows them" in said
+        assert len({path.stat().st_mode for path in small.iterdir()}) == 1  # all who may read one
         bench("report", str(small))
         assert files_of(small / "report") == files_of(out / "report")
         page = "report/index.html"
