@@ -24,7 +24,7 @@ def table(results: Results) -> pd.DataFrame:
     )
     success = success_table(results, found, "label", "controller")
     rows = [f"{method} {task}" for task in TASKS for method in METHODS[1:]]
-    return in_order(_with_mean(success), rows, (ORIGINAL, *RESEEDED.values()))
+    return in_order(_with_mean(success), rows, (ORIGINAL, *RESEEDED.values(), "mean"))
 
 
 def _with_mean(success: pd.DataFrame) -> pd.DataFrame:
