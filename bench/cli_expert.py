@@ -110,15 +110,15 @@ def probe(
 @app.command()
 def track(
     task: TaskName,
-    physics: Annotated[str, typer.Argument(help="Name of a physics variation.")],
+    physics: Annotated[str, typer.Argument(help="nominal, or the name of a variation.")],
     episodes: Annotated[int, typer.Option(min=1, help="Starts of `test`, from the first.")] = 200,
 ) -> None:
-    """Measure what perfect imitation would have in changed physics; prints a JSON list."""
+    """Measure what perfect imitation would have, by controller; prints a JSON list."""
     from bench.controller import ControllerConfig
     from bench.tracking import track as track_expert
-    from tasks.masses import all_changes
+    from tasks.masses import physics_names
 
-    chosen, known = get_task(task), all_changes(task)
+    chosen, known = get_task(task), physics_names(task)
     if physics not in known:
-        raise unknown_name("physics variation", physics, known)
+        raise unknown_name("physics", physics, known)
     print(json.dumps(track_expert(chosen, physics, episodes, ControllerConfig()), indent=2))

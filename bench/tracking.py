@@ -1,12 +1,13 @@
-"""What a perfect imitation would have in changed physics: the expert's own motions, tracked.
+"""What a perfect imitation would have: the expert's own motions, tracked.
 
 Where the expert's own motions fail under a controller, no method could have done better by
 imitating them.
 """
 
+from dataclasses import replace
 from typing import Any
 
-from bench.controller import Controller, ControllerConfig, train_controller
+from bench.controller import RESEEDED, Controller, ControllerConfig, train_controller
 from bench.driver import controller_demos
 from bench.probe import Recorded
 from bench.rollout import TrackedMotion
@@ -21,28 +22,33 @@ from tasks.simulator import rollout
 def track(
     task: Task, physics: str, episodes: int, config: ControllerConfig
 ) -> list[dict[str, Any]]:
-    """Returns the success in changed physics of the expert's motions, made there and in nominal.
+    """Returns the success in some physics of the expert's motions, made there and in nominal.
 
-    One row for each of both motions and controllers (appendix I): ``motions``, the physics that
-    they were made in, ``controller``, ``success`` as a fraction, ``episodes``.
+    One row for each of motions and controllers: ``motions``, the physics that they were made in,
+    ``controller``, ``success`` as a fraction, ``episodes``. In changed physics the controllers are
+    the original and the tuned one (appendix I), in nominal physics the original one and those that
+    differ from it in random numbers alone.
 
     Args:
         task: what is done.
-        physics: a variation of appendix I, or another reading of one.
+        physics: nominal, a variation of appendix I, or another reading of one.
         episodes: starts of ``test``, from the first.
-        config: how both controllers are trained.
+        config: how the controllers are trained.
     """
     expert, starts = load_expert(task).policy, task.sample("test", episodes)
-    specs = [
-        ControllerSpec(task.name, config, TRAINING, demos_key(task), learnt)
-        for learnt in (NOMINAL, physics)
-    ]
+    original = ControllerSpec(task.name, config, TRAINING, demos_key(task))
+    if physics == NOMINAL:
+        specs = [original, *(replace(original, seed=seed) for seed in RESEEDED)]
+    else:
+        specs = [original, replace(original, physics=physics)]
     controllers = {
-        spec.name: Controller(train_controller(config, controller_demos(spec), task.name))
+        spec.name: Controller(
+            train_controller(config, controller_demos(spec), task.name, spec.seed)
+        )
         for spec in specs
     }
     rows = []
-    for made in (NOMINAL, physics):
+    for made in dict.fromkeys((NOMINAL, physics)):
         motions = Recorded(record(task, starts, expert, made, failures=True)[1])
         for name, controller in controllers.items():
             found = rollout(task, starts, TrackedMotion(motions, controller), physics)

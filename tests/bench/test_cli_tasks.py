@@ -74,7 +74,18 @@ def test_motions_made_here_and_elsewhere_are_tracked_by_both_controllers(
     assert {(row["success"], row["episodes"]) for row in json.loads(out)} == {(4 / 6, 6)}
 
 
-def test_motions_are_tracked_in_changed_physics_alone(task, shipped, bench):
+def test_motions_are_tracked_by_each_of_the_controllers_that_differ_by_luck(
+    task, shipped, bench, monkeypatch
+):
+    monkeypatch.setattr("bench.controller.ControllerConfig", partial(ControllerConfig, epochs=1))
+    code, out, _ = bench("expert", "track", "door", "nominal", "--episodes", "6")
+    assert code == 0
+    rows = [(row["motions"], row["controller"]) for row in json.loads(out)]
+    others = [f"original-{seed}" for seed in (2, 3, 4, 5)]
+    assert rows == [*product(("nominal",), ("original", *others))]
+
+
+def test_motions_are_not_tracked_in_unknown_physics(task, shipped, bench):
     code, out, err = bench("expert", "track", "door", "heavy_hands")
     assert (code, out) == (2, "")
     assert "did you mean 'heavy_hand'" in err
