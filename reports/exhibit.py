@@ -18,6 +18,7 @@ COVERAGE = {2: "51 to 96", 3: "70 to 97", 4: "78 to 98", 5: "81 to 98"}
 """By number of seeds, how often the bootstrap's interval holds the mean: simulated, with a standard
 deviation of 4 to 16 points between seeds, 200 or 1,000 starts that are as hard for all seeds or for
 each in its own way, 500 studies of each kind."""
+UNCOVERED = "They do not cover what another controller would change."
 FROM_PAPER = ["published", "published spread", "note"]
 
 
@@ -193,12 +194,12 @@ def _narrow(text: str) -> str:
 def _intervals(seeds: int) -> str:
     """What the intervals are, where there are at most so many seeds."""
     if seeds == 1:
-        return "Intervals are 95%, Wilson's."
+        return f"Intervals are 95%, Wilson's. {UNCOVERED}"
     known = min(COVERAGE, key=lambda count: abs(count - seeds))
     return (
         "Intervals are 95%: Wilson's for a single fit, else the percentile bootstrap over seeds and"
         f" starts, which at {known} seeds covers the truth in {COVERAGE[known]} of 100 simulated"
-        " studies."
+        f" studies. {UNCOVERED}"
     )
 
 
