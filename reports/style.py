@@ -31,8 +31,7 @@ _OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
 
 def display(name: str) -> str:
     """Returns how a name is written for people."""
-    first, *rest = str(name).replace("_", " ").split(" ")
-    return " ".join([NAMES.get(first, first), *rest])
+    return " ".join(NAMES.get(word, word) for word in str(name).replace("_", " ").split(" "))
 
 
 def colour(row: str, rows: Sequence[str]) -> str:
