@@ -17,6 +17,7 @@ VERSION = 1
 """Raise it when actions change."""
 ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
 UNCLIPPED, ON_SUCCESSES = "unclipped", "tuned-on-successes"
+ORIGINAL_SEED = 1
 RESEEDED = {seed: f"{ORIGINAL}-{seed}" for seed in (2, 3, 4, 5)}
 """By seed, the controllers that differ from the original in their random numbers alone."""
 AUDITED = (UNCLIPPED, ON_SUCCESSES, *RESEEDED.values())
@@ -62,7 +63,7 @@ class Controller:
 
 
 def train_controller(
-    config: ControllerConfig, demos: Demos, name: str, seed: int = 1
+    config: ControllerConfig, demos: Demos, name: str, seed: int = ORIGINAL_SEED
 ) -> Parameters:
     """Returns the weights of a controller after the last epoch.
 

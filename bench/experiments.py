@@ -9,7 +9,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import pandas as pd
 
-from bench.controller import NO_CONTROLLER, RESEEDED
+from bench.controller import NO_CONTROLLER, ORIGINAL_SEED, RESEEDED
 from bench.presets import SMALLEST, Study
 from bench.selection import best_size
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
@@ -385,7 +385,7 @@ def _cell(
     tuned: bool = False,
     failures: bool = True,
     raw: bool = False,
-    controller_seed: int = 1,
+    controller_seed: int = ORIGINAL_SEED,
     rule: str = APPENDIX,
 ) -> Cell:
     if _acts(fit):

@@ -14,6 +14,7 @@ import mujoco
 from bench.controller import (
     ON_SUCCESSES,
     ORIGINAL,
+    ORIGINAL_SEED,
     RESEEDED,
     TUNED,
     UNCLIPPED,
@@ -146,22 +147,24 @@ class ControllerSpec:
     """Whether those rollouts are kept that fail."""
     raw: bool = False
     """Whether it learns the expert's actions as they were given, instead of clipped to [-1, 1]."""
-    seed: int = 1
+    seed: int = ORIGINAL_SEED
     """Of its random numbers."""
 
     @cached_property
     def key(self) -> str:
         """Names the controller."""
         learnt = (self.demos, self.recipe, self.physics, self.failures, self.raw)
-        # The first seed's keys are from before there were others, and do not name it.
-        seed = () if self.seed == 1 else (self.seed,)
+        # The original's keys are from before there were other seeds, and do not name it.
+        seed = () if self.seed == ORIGINAL_SEED else (self.seed,)
         return key("controller", self.task, self.config.resolved(), (*learnt, *seed))
 
     @property
     def name(self) -> str:
         """What its evaluations call it."""
         if self.physics == NOMINAL:
-            return UNCLIPPED if self.raw else RESEEDED.get(self.seed, ORIGINAL)
+            if self.raw:
+                return UNCLIPPED
+            return ORIGINAL if self.seed == ORIGINAL_SEED else RESEEDED[self.seed]
         return TUNED if self.failures else ON_SUCCESSES
 
     @property

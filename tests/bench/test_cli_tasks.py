@@ -62,27 +62,23 @@ def test_nothing_is_trained_or_probed_with_none(task, shipped, bench, tmp_path, 
     assert not folder.exists()
 
 
-def test_motions_made_here_and_elsewhere_are_tracked_by_both_controllers(
-    task, shipped, bench, monkeypatch
+@pytest.mark.parametrize(
+    ("physics", "motions", "controllers"),
+    [
+        ("heavy_hand", ("nominal", "heavy_hand"), ("original", "tuned")),
+        ("nominal", ("nominal",), ("original", *(f"original-{seed}" for seed in (2, 3, 4, 5)))),
+    ],
+)
+def test_motions_are_tracked_by_each_of_the_controllers(
+    task, shipped, bench, monkeypatch, physics, motions, controllers
 ):
     monkeypatch.setattr("bench.controller.ControllerConfig", partial(ControllerConfig, epochs=1))
-    code, out, _ = bench("expert", "track", "door", "heavy_hand", "--episodes", "6")
+    code, out, _ = bench("expert", "track", "door", physics, "--episodes", "6")
     assert code == 0
     rows = [(row["motions"], row["controller"]) for row in json.loads(out)]
-    assert rows == [*product(("nominal", "heavy_hand"), ("original", "tuned"))]
+    assert rows == [*product(motions, controllers)]
     # Two of six episodes fail, whatever is done.
     assert {(row["success"], row["episodes"]) for row in json.loads(out)} == {(4 / 6, 6)}
-
-
-def test_motions_are_tracked_by_each_of_the_controllers_that_differ_by_luck(
-    task, shipped, bench, monkeypatch
-):
-    monkeypatch.setattr("bench.controller.ControllerConfig", partial(ControllerConfig, epochs=1))
-    code, out, _ = bench("expert", "track", "door", "nominal", "--episodes", "6")
-    assert code == 0
-    rows = [(row["motions"], row["controller"]) for row in json.loads(out)]
-    others = [f"original-{seed}" for seed in (2, 3, 4, 5)]
-    assert rows == [*product(("nominal",), ("original", *others))]
 
 
 def test_motions_are_not_tracked_in_unknown_physics(task, shipped, bench):
