@@ -1,18 +1,20 @@
-"""Where jobs run: joblib's backends, what becomes of a job whose worker dies, and Ctrl-C."""
+"""Where jobs run: joblib's backends, what becomes of a job whose worker dies, and Ctrl-C.
 
-import math
+A worker does not compute: it starts a process for each job and waits for it, see `bench.isolation`.
+"""
+
 import multiprocessing.resource_tracker
 import os
+import pickle
 import signal
 import sys
 import threading
-import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from ipaddress import ip_address
-from time import perf_counter
+from time import perf_counter, sleep
 from types import FrameType
 from typing import Any
 from urllib.parse import urlsplit
@@ -21,10 +23,11 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals import loky
 from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
+from bench.isolation import Failure, Job, Stop, do_apart, do_here
 from tasks.errors import InputError, unknown_name
 
 TRIES = 3
-"""How often a job is tried whose worker dies while nothing else is on its way."""
+"""Attempts, with nothing beside it, for a job whose process died: memory may have run out."""
 GRACE = 4.0
 """Seconds after Ctrl-C in which what ends is still kept."""
 PATIENCE = 10
@@ -44,17 +47,13 @@ SHARED_MEMORY = ("multiprocessing", "threading")
 """Backends that are refused: simulations hang in forked processes, and threads share the random
 stream that torch initialises networks from."""
 
-Job = Callable[..., Any]
-Call = tuple[Job, tuple[Any, ...]]
+IN_THIS_PROCESS = "sequential"
+"""The backend that does jobs in the calling process, for tests and debuggers."""
+ORPHANED = 0.5
+"""Seconds between two looks of a worker at whether its run still exists."""
 
-
-@dataclass(frozen=True)
-class Failure:
-    """Why there is no result."""
-
-    reason: str
-    traceback: str
-    tries: int = 1
+Call = tuple[str, Job, tuple[Any, ...]]
+"""The name of a job, and what is called with which arguments."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class Workers:
     scheduler: str | None = None
     """Address of a dask scheduler; a cluster of this machine's own unless told."""
     limit: float | None = None
-    """Seconds after which a job fails, if any."""
+    """Seconds after which a job fails, if any; not in this process, where nothing can end it."""
 
     def check(self) -> None:
         """Raises InputError if there is no such backend, or it cannot be used so."""
@@ -91,12 +90,10 @@ class Workers:
             raise unknown_name("backend", self.backend, known)
         if self.scheduler is not None and self.backend != "dask":
             raise InputError(f"--scheduler is for the backend dask, not for {self.backend!r}")
-        if self.limit is not None and self.backend == "dask":
-            raise InputError("--limit is not for the backend dask: limit its workers instead")
 
 
 class Interrupts:
-    """Turns Ctrl-C, or SIGTERM, into a request to stop; the second one stops at once.
+    """Turns Ctrl-C, SIGTERM or SIGHUP into a request to stop; the second one stops at once.
 
     After the first no more jobs are sent, and what ends within `GRACE` is kept. A context manager.
     """
@@ -108,8 +105,11 @@ class Interrupts:
 
     def __enter__(self) -> "Interrupts":
         heard = threading.current_thread() is threading.main_thread()
-        numbers = (signal.SIGINT, signal.SIGTERM) if heard else ()
-        self._before = {number: signal.signal(number, self._stop) for number in numbers}
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if heard else ()
+        ignored = {number for number in numbers if signal.getsignal(number) is signal.SIG_IGN}
+        self._before = {
+            number: signal.signal(number, self._stop) for number in numbers if number not in ignored
+        }
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -118,17 +118,18 @@ class Interrupts:
             signal.signal(number, handler)
 
     def check(self) -> None:
-        """Raises KeyboardInterrupt if a stop was asked for."""
+        """Raises Stop if a stop was asked for."""
         if self.asked:
-            raise KeyboardInterrupt
+            raise Stop
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         self.check()
         self.asked = True
-        print(
-            f"stopping: what ends within {GRACE:.0f} s is kept; Ctrl-C again stops at once",
-            file=sys.stderr,
-        )
+        with suppress(OSError):  # the terminal may have gone
+            print(
+                f"stopping: what ends within {GRACE:.0f} s is kept; Ctrl-C again stops at once",
+                file=sys.stderr,
+            )
         self._timer.start()
 
 
@@ -147,7 +148,10 @@ def workers(where: Workers) -> Iterator[None]:
         ):
             yield
     elif where.backend == "loky":
-        with parallel_config("loky", initializer=_prepare_worker), warnings.catch_warnings():
+        with (
+            parallel_config("loky", inner_max_num_threads=1, initializer=_prepare_worker),
+            warnings.catch_warnings(),
+        ):
             # Where warnings are errors, this one would end the thread that loky hears answers by.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs")
             yield
@@ -161,11 +165,11 @@ def answers(
 ) -> Iterator[tuple[int, Answer]]:
     """Yields the answer of each job with its index, as they end.
 
-    A job whose worker dies is tried again, alone, so that it is known who is to blame.
+    A job whose process or worker dies is tried again once the others have ended, alone, so that it
+    has all the memory and nothing else is lost with it.
 
     Args:
-        calls: each returns a job and its arguments, once it is to be sent; what it raises is
-            raised.
+        calls: each returns a call, once it is to be sent; what it raises is raised.
         where: what `workers` was given.
         interrupts: when to stop sending.
     """
@@ -180,27 +184,42 @@ def answers(
                 ours.append(error)
                 raise
             sent.append(index)
-            yield delayed(_attempt)(index, where.limit, *call)
+            yield _delayed(index, call, where)
 
-    if where.backend == "loky" and where.jobs > 1:
+    if where.backend == "loky":
         _start_loky(where.jobs)
     ours: list[Exception] = []
+    died: list[int] = []
     left = dict.fromkeys(range(len(calls)))
     while left and not interrupts.asked:
         sent: list[int] = []
         try:
-            for index, answer in _parallel(where.jobs)(send(list(left))):
+            for index, answer in _parallel(where)(send(list(left))):
                 del left[index]
-                yield index, answer
+                if isinstance(answer.result, Failure) and answer.result.died:
+                    died.append(index)
+                else:
+                    yield index, answer
         except Exception:
             if ours:
                 raise ours[0] from None
             # A job returns what it raises: this comes from the backend, which has lost a worker.
-            for index in [index for index in sent if index in left]:
-                if interrupts.asked:
-                    return
+            lost = [index for index in sent if index in left]
+            died += lost
+            for index in lost:
                 del left[index]
-                yield index, _alone(calls[index](), where)
+    for index in died:
+        if interrupts.asked:
+            return
+        yield index, _alone(calls[index](), where)
+
+
+def _delayed(index: int, call: Call, where: Workers) -> Any:
+    name, job, arguments = call
+    if where.backend == IN_THIS_PROCESS:
+        return delayed(_attempt_here)(index, name, job, arguments)
+    # Pickled here, and not looked into until it has arrived in the process of the job.
+    return delayed(_attempt)(index, name, pickle.dumps((job, arguments), protocol=5), where.limit)
 
 
 def _start_loky(jobs: int) -> None:
@@ -213,69 +232,57 @@ def _start_loky(jobs: int) -> None:
         tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        Parallel(jobs)(delayed(os.getpid)() for _ in range(jobs))
+        Parallel(max(2, jobs))(delayed(os.getpid)() for _ in range(max(2, jobs)))
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _parallel(jobs: int) -> Parallel:
+def _parallel(where: Workers) -> Parallel:
     # No more is sent than works, so that few are under suspicion when a worker dies.
-    return Parallel(jobs, return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
+    options = {"return_as": "generator_unordered", "batch_size": 1}
+    if where.backend != "loky":
+        return Parallel(where.jobs, pre_dispatch="n_jobs", **options)
+    # Joblib does what is for one worker in the calling process, so there are two: one waits.
+    return Parallel(max(2, where.jobs), pre_dispatch=where.jobs, **options)
 
 
 def _alone(call: Call, where: Workers) -> Answer:
     """The answer of a job that nothing else runs beside."""
-    for _ in range(TRIES):
+    for tries in range(1, TRIES + 1):
         try:
-            # Two, because joblib runs one job in this very process.
-            ((_, answer),) = _parallel(max(2, where.jobs))(
-                [delayed(_attempt)(0, where.limit, *call)]
-            )
-            return answer
+            ((_, answer),) = _parallel(replace(where, jobs=1))([_delayed(0, call, where)])
         except Exception as error:
-            reason = f"its worker died {TRIES} times, or ran out of memory: {type(error).__name__}"
-            failure = Failure(reason, str(error), TRIES)
-    return Answer(failure, 0.0)
+            reason = f"its worker died {tries} times ({type(error).__name__})"
+            answer = Answer(Failure(reason, str(error), tries, died=True), 0.0)
+        if not (isinstance(answer.result, Failure) and answer.result.died):
+            break
+    if isinstance(answer.result, Failure):
+        return replace(answer, result=replace(answer.result, tries=tries))
+    return answer
 
 
-def _attempt(
-    index: int, limit: float | None, job: Job, arguments: tuple[Any, ...]
+def _attempt_here(
+    index: int, name: str, job: Job, arguments: tuple[Any, ...]
 ) -> tuple[int, Answer]:
-    """Does a job; whatever it raises becomes its result."""
     began = perf_counter()
-    try:
-        with _limited(limit):
-            result = job(*arguments)
-    except Exception as error:
-        lines = "".join(traceback.format_exception(error))
-        result = Failure(f"{type(error).__name__}: {error}", lines)
-    return index, Answer(result, perf_counter() - began)
+    return index, Answer(do_here(name, job, arguments), perf_counter() - began)
 
 
-@contextmanager
-def _limited(seconds: float | None) -> Iterator[None]:
-    if seconds is None:
-        yield
-        return
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"more than the {seconds / 60:g} minutes that a job may take")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+def _attempt(index: int, name: str, call: bytes, limit: float | None) -> tuple[int, Answer]:
+    began = perf_counter()
+    return index, Answer(pickle.loads(do_apart(name, call, limit)), perf_counter() - began)
 
 
 def _prepare_worker() -> None:
-    """Makes a worker of loky stay: only the driver, and the death of another, end it."""
-    # A terminal's Ctrl-C reaches the workers too.
+    """Makes a worker of loky deaf to a terminal's Ctrl-C, and ends it with its run."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Loky takes it for a leak if a job leaves libraries and caches of 300 MB behind.
-    loky.process_executor._MAX_MEMORY_LEAK_SIZE = math.inf
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with(run: int) -> None:
+    while os.getppid() == run:
+        sleep(ORPHANED)
+    os._exit(1)
 
 
 @contextmanager

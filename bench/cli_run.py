@@ -66,7 +66,7 @@ def run(
         raise
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {outcome.folder}")
+    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
     if outcome.failed:
         raise typer.Exit(SOME_FAILED)
 

@@ -17,24 +17,22 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-import numpy as np
 
-from bench.backend import Call, Failure, Interrupts, Workers, answers, workers
-from bench.controller import Controller, train_controller
+from bench.backend import Call, Interrupts, Workers, answers, workers
 from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
+from bench.isolation import Failure
+from bench.jobs import Piece, controller_job, evaluation_job, fit_job
 from bench.presets import Study
 from bench.progress import Cost, Progress
-from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store
-from methods.base import ActionMethod, Method, MotionMethod, Parameters
-from tasks.data import Demos, Episodes, Starts
+from tasks.data import Demos, Starts
 from tasks.demos import TRAINING, demos_path, load_demos, record, split
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
 from tasks.registry import get_task
-from tasks.simulator import CHUNK, Policy, rollout
+from tasks.simulator import CHUNK
 
 LIBRARIES = ("kodex-bench", "mujoco", "numpy", "scipy", "torch")
 
@@ -150,7 +148,9 @@ class _Runner:
             controller_job,
             [[spec] for spec in missing],
             lambda specs: (specs[0], controller_demos(specs[0])),
-            lambda spec, result: self.store.add_controller(spec, result[0], _facts(result[1])),
+            lambda spec, made: self.store.add_controller(
+                spec, made.parameters, _facts(made.seconds)
+            ),
         )
 
     def _fits(self, cells: Iterable[Cell]) -> None:
@@ -158,13 +158,15 @@ class _Runner:
         missing = [fit for fit in wanted.values() if not self.store.has_fit(fit)]
         for fit in missing:
             if fit.method == EXPERT:
-                self.store.add_fit(fit, {}, {}, _facts(0.0))
+                self.store.add_fit(fit, b"", b"", _facts(0.0))
         self._dispatch(
             "fits",
             fit_job,
             seed_blocks(fit for fit in missing if fit.method != EXPERT),
             lambda fits: (fits, training_demos(fits[0]), validation_demos(fits[0])),
-            lambda fit, result: self.store.add_fit(fit, result[0], result[1], _facts(result[2])),
+            lambda fit, made: self.store.add_fit(
+                fit, made.parameters, made.diagnostics, _facts(made.seconds)
+            ),
         )
 
     def _evaluations(self, cells: Iterable[Cell]) -> None:
@@ -180,7 +182,7 @@ class _Runner:
             ),
         )
 
-    def _missing(self, cell: Cell) -> "_Piece | None":
+    def _missing(self, cell: Cell) -> "Piece | None":
         """What is still to be evaluated of a cell; whole chunks that are there are kept.
 
         Nothing where the fit or the controller is not there: its failure has been noted.
@@ -192,7 +194,7 @@ class _Runner:
         if found >= len(starts) or not tracked or not self.store.has_fit(cell.fit):
             return None
         keep = found // CHUNK * CHUNK
-        return _Piece(cell, starts[keep:], keep)
+        return Piece(cell, starts[keep:], keep)
 
     def _dispatch(
         self,
@@ -236,86 +238,15 @@ class _Runner:
 def _call(
     job: Callable[..., list[Any]], arguments: Callable[[Any], tuple[Any, ...]], group: Sequence[Any]
 ) -> Call:
-    return job, arguments(group)
+    return _label(group), job, arguments(group)
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """The part of a cell's evaluation that is missing."""
-
-    cell: Cell
-    starts: Starts
-    keep: int
-    """How many stored episodes stay."""
-
-    @property
-    def label(self) -> str:
-        return f"{self.cell.fit.label} {self.cell.evaluation.name}"
-
-
-# Jobs. Each depends on its arguments alone, runs in whichever process, and returns a list with one
-# result for each thing that it was to make.
-def controller_job(spec: ControllerSpec, demos: Demos) -> list[tuple[Parameters, float]]:
-    """Returns a controller's weights, and the seconds that they took."""
-    began = time.perf_counter()
-    weights = train_controller(spec.config, demos, spec.task, spec.seed)
-    return [(weights, time.perf_counter() - began)]
-
-
-def fit_job(
-    fits: Sequence[Fit], demos: Demos, validation: Demos
-) -> list[tuple[Parameters, Parameters, float]]:
-    """Returns for each seed what was learnt, its diagnostics, and its share of the seconds."""
-    method = fits[0].build()
-    began = time.perf_counter()
-    fitted = type(method).fit_seeds(
-        method.config, method.layout, demos, validation, [fit.seed for fit in fits]
-    )
-    seconds = (time.perf_counter() - began) / len(fits)
-    return [
-        (one.parameters(), {**one.diagnostics(), **imitation_error(one, validation)}, seconds)
-        for one in fitted
-    ]
-
-
-def imitation_error(method: Method, validation: Demos) -> Parameters:
-    """Returns mean |predicted - demonstrated x_r| over demonstrations and t = 2..T, (H,)."""
-    if not isinstance(method, MotionMethod):
-        return {}
-    wanted = validation.states[:, 1:, : method.layout.robot_dim]
-    motion = method.rollout(validation.states[:, 0], wanted.shape[1])
-    errors = np.abs(motion[:, 1:, : method.layout.robot_dim] - wanted)
-    return {"imitation_error": errors.mean(axis=(0, 1))}
-
-
-def evaluation_job(
-    piece: _Piece, parameters: Parameters, controller: Parameters, threads: int
-) -> list[Episodes]:
-    """Returns what comes of the episodes of a piece."""
-    evaluation = piece.cell.evaluation
-    task = get_task(evaluation.task, evaluation.rule)
-    policy = make_policy(piece.cell.fit, parameters, controller)
-    return [rollout(task, piece.starts, policy, evaluation.physics, threads=threads)]
-
-
-def learnt(store: Store, cell: Cell) -> tuple[Parameters, Parameters]:
+def learnt(store: Store, cell: Cell) -> tuple[bytes, bytes]:
     """Returns what is stored of a cell's method and of its controller; nothing of an expert."""
     if cell.fit.method == EXPERT:
-        return {}, {}
-    controller = store.controller_weights(cell.controller) if cell.controller else {}
+        return b"", b""
+    controller = store.controller_weights(cell.controller) if cell.controller else b""
     return store.parameters(cell.fit), controller
-
-
-def make_policy(fit: Fit, parameters: Parameters, controller: Parameters) -> Policy:
-    """Returns what drives the episodes of a fit."""
-    if fit.method == EXPERT:
-        return load_expert(get_task(fit.task)).policy
-    method = fit.build()
-    method.load(parameters)
-    if isinstance(method, MotionMethod):
-        return TrackedMotion(method, Controller(controller))
-    assert isinstance(method, ActionMethod)
-    return FeedbackPolicy(method)
 
 
 def _label(group: Sequence[Any]) -> str:

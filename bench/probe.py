@@ -15,7 +15,7 @@ from bench.rollout import TrackedMotion
 from methods.base import MotionMethod, Parameters
 from methods.kodex import Kodex
 from tasks.base import Task
-from tasks.data import Demos, FloatArray
+from tasks.data import Demos, FloatArray, Layout
 from tasks.demos import TRAINING, VALIDATION, make_demos, split
 from tasks.simulator import Policy, rollout
 
@@ -26,6 +26,9 @@ class Recorded(MotionMethod):
     name = "recorded"
 
     def __init__(self, demos: Demos) -> None:
+        robot_dim, (*_, state_dim) = demos.velocities.shape[-1], demos.states.shape
+        layout = Layout(robot_dim, state_dim - robot_dim, demos.actions.shape[-1])
+        super().__init__(None, layout)
         self._states = demos.states
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:

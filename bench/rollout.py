@@ -1,9 +1,8 @@
 """One policy, one task, one list of starts: what drives a rollout."""
 
-import numpy as np
-
 from bench.controller import Controller
 from methods.base import ActionMethod, MotionMethod
+from methods.contract import actions, motion
 from tasks.data import FloatArray
 from tasks.simulator import Simulator
 
@@ -17,8 +16,8 @@ class TrackedMotion:
     def reset(self, simulator: Simulator) -> None:
         """Predicts the motions of all episodes, for as long as the task lasts."""
         task = simulator.task
-        motion = self.method.rollout(simulator.state(), task.steps)
-        self.motion = motion[:, :, : task.robot_dim]
+        planned = motion(self.method, simulator.state(), task.steps)
+        self.motion = planned[:, :, : task.robot_dim]
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
         """Returns the controller's actions (B, A) towards the next row of the motion."""
@@ -38,4 +37,4 @@ class FeedbackPolicy:
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
         """Returns the method's actions (B, A)."""
-        return np.asarray(self.method.act(simulator.state(), step), np.float64)
+        return actions(self.method, simulator.state(), step)

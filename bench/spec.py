@@ -21,7 +21,8 @@ from bench.controller import (
     ControllerConfig,
 )
 from bench.store import evaluation_name
-from methods.base import Method
+from methods.base import Method, fits_together
+from methods.contract import build
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
@@ -76,17 +77,19 @@ class Fit:
             InputError: the method refuses the config.
         """
         method = get_method(self.method, self.variant)
-        config = type(next(iter(method.sizes.values())))
-        # JSON has no tuples.
-        values = {n: tuple(v) if isinstance(v, list) else v for n, v in self.config.items()}
-        return method(config(**values), get_task(self.task).layout)
+        return build(method, self.config, get_task(self.task).layout)
 
 
 def seed_blocks(fits: Iterable[Fit]) -> list[list[Fit]]:
-    """Returns the fits in groups that differ in their seeds alone, which are fitted together."""
+    """Returns the fits in groups that are fitted together.
+
+    A group differs in its seeds alone. A method that does not train seeds together has a group for
+    each, so that no seed depends on what another has left behind.
+    """
     blocks: dict[str, list[Fit]] = {}
     for fit in fits:
-        blocks.setdefault(replace(fit, seed=0).key, []).append(fit)
+        together = fits_together(get_method(fit.method, fit.variant))
+        blocks.setdefault((replace(fit, seed=0) if together else fit).key, []).append(fit)
     return list(blocks.values())
 
 

@@ -35,10 +35,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
-from safetensors.numpy import load
 
 from tasks.errors import InputError
-from tasks.files import flush, to_bytes
+from tasks.files import flush, from_bytes
 
 if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
     import pandas as pd
@@ -74,8 +73,8 @@ class Store:
     """A results folder. Only one process may write to it, inside `locked`."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.cells, self.controllers = folder / "cells", folder / "controllers"
+        self.folder = folder.absolute()  # wherever this process goes
+        self.cells, self.controllers = self.folder / "cells", self.folder / "controllers"
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -98,20 +97,20 @@ class Store:
         return self._record(self._cell(fit), fit.key) is not None
 
     def add_fit(
-        self, fit: Fit, weights: Parameters, diagnostics: Parameters, facts: Mapping[str, Any]
+        self, fit: Fit, weights: bytes, diagnostics: bytes, facts: Mapping[str, Any]
     ) -> None:
-        """Stores a fit; facts are times and the like."""
+        """Stores a fit, from the content of its files; facts are times and the like."""
         files = {"weights": weights, "diagnostics": diagnostics}
         self._add(self._cell(fit), "fit", asdict(fit), fit.key, files, facts)
 
-    def parameters(self, fit: Fit) -> Parameters:
-        """Returns what a stored fit has learnt."""
-        return load((self._cell(fit) / "weights.safetensors").read_bytes())
+    def parameters(self, fit: Fit) -> bytes:
+        """Returns what a stored fit has learnt, see `tasks.files.from_bytes`."""
+        return (self._cell(fit) / "weights.safetensors").read_bytes()
 
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that `frame` names."""
         path = self.cells / folder / "diagnostics.safetensors"
-        return load(path.read_bytes()) if path.exists() else {}
+        return from_bytes(path.read_bytes()) if path.exists() else {}
 
     def facts(self, folder: str) -> dict[str, Any]:
         """Returns times, host and versions of the fit in a folder that `frame` names."""
@@ -129,9 +128,9 @@ class Store:
         return self._record(self._controller(controller), controller.key) is not None
 
     def add_controller(
-        self, controller: ControllerSpec, weights: Parameters, facts: Mapping[str, Any]
+        self, controller: ControllerSpec, weights: bytes, facts: Mapping[str, Any]
     ) -> None:
-        """Stores a controller; facts are times and the like."""
+        """Stores a controller, from the content of its file; facts are times and the like."""
         spec, files = asdict(controller), {"weights": weights}
         folder = self._controller(controller)
         self._add(folder, "controller", spec, controller.key, files, facts)
@@ -153,9 +152,9 @@ class Store:
                 return dict(record["spec"])
         return None
 
-    def controller_weights(self, controller: ControllerSpec) -> Parameters:
-        """Returns the weights of a stored controller."""
-        return load((self._controller(controller) / "weights.safetensors").read_bytes())
+    def controller_weights(self, controller: ControllerSpec) -> bytes:
+        """Returns the weights of a stored controller, see `tasks.files.from_bytes`."""
+        return (self._controller(controller) / "weights.safetensors").read_bytes()
 
     # Evaluations
     def episodes(self, fit: Fit, evaluation: Evaluation) -> pd.DataFrame | None:
@@ -369,10 +368,10 @@ class Store:
         kind: str,
         spec: dict[str, Any],
         key: str,
-        arrays: Mapping[str, Parameters],
+        contents: Mapping[str, bytes],
         facts: Mapping[str, Any],
     ) -> None:
-        data = {f"{name}.safetensors": to_bytes(a) for name, a in arrays.items() if a}
+        data = {f"{name}.safetensors": content for name, content in contents.items() if content}
         hashes = {name: hashlib.sha256(content).hexdigest() for name, content in data.items()}
         record = {"format": FORMAT, "key": key, "spec": spec, "facts": facts, "sha256": hashes}
         # JSON's own types, so that what is hashed here is what will be read.

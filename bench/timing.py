@@ -5,7 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
-from bench.driver import fit_job, training_demos, validation_demos
+from bench.driver import training_demos, validation_demos
+from bench.jobs import fit_job
 from bench.spec import EXPERT, VALIDATION, Fit
 from bench.store import Store
 from bench.verify import stored_fit
@@ -60,5 +61,4 @@ def time_fit(fit: Fit) -> float:
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
     demos, validation = training_demos(fit), validation_demos(fit)
     fits = [replace(fit, config=config, seed=seed) for seed in seeds]
-    _, _, seconds = fit_job(fits, demos, validation)[0]
-    return seconds * epochs / timed
+    return fit_job(fits, demos, validation)[0].seconds * epochs / timed

@@ -3,6 +3,7 @@
 A method sees a task only as arrays. The letters of their axes are defined in `tasks.data`.
 """
 
+import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -98,6 +99,11 @@ class Method(ABC):
     def diagnostics(self) -> Parameters:
         """Returns what is worth a look after a fit: eigenvalues, losses. Nothing unless told."""
         return {}
+
+
+def fits_together(method: type[Method]) -> bool:
+    """Returns whether a method trains several seeds together, by a `fit_seeds` of its own."""
+    return inspect.getattr_static(method, "fit_seeds") is not vars(Method)["fit_seeds"]
 
 
 class MotionMethod(Method):

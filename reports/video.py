@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from bench.driver import learnt, make_policy
+from bench.driver import learnt
+from bench.jobs import make_policy
 from bench.rollout import TrackedMotion
 from bench.store import Store
 from bench.verify import stored_cell

@@ -15,6 +15,7 @@ All arrays hold float64 unless their description says otherwise.
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,3 +162,17 @@ class Episodes:
     """(B,) control steps taken before the end or the divergence."""
     readings: FloatArray
     """(B, T-1) what the rule reads after each control step; NaN from the divergence on."""
+
+
+def join_episodes(parts: Sequence[Episodes]) -> Episodes:
+    """Returns episodes of one split, one part after the other."""
+    first = parts[0].starts
+    index = np.concatenate([part.starts.index for part in parts])
+    values = np.concatenate([part.starts.values for part in parts])
+    return Episodes(
+        Starts(first.task, first.split, index, values),
+        np.concatenate([part.success for part in parts]),
+        np.concatenate([part.diverged for part in parts]),
+        np.concatenate([part.steps for part in parts]),
+        np.concatenate([part.readings for part in parts]),
+    )

@@ -17,6 +17,7 @@ from bench.renderer import renderer
 os.environ["MUJOCO_GL"] = renderer() or ""
 
 from bench import driver
+from bench.backend import Workers
 from bench.cli import main
 from bench.presets import PRESETS
 from tasks import demos, experts
@@ -140,7 +141,14 @@ def shipped(task, tmp_path, monkeypatch):
     monkeypatch.setattr(demos, "_BLOCK", 5)
     monkeypatch.setattr(type(task), "horizon", 6)
     monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
+    monkeypatch.setattr("bench.backend.Workers", in_this_process)
     return ship(task, tmp_path / "experts")
+
+
+def in_this_process(jobs, backend="loky", *options):
+    """Workers, but for a single job in this process, which knows the patches of a test."""
+    alone = jobs == 1 and backend == "loky"
+    return Workers(jobs, "sequential" if alone else backend, *options)
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 import distributed  # noqa: F401, whose defaults dask's configuration must have
@@ -17,7 +18,8 @@ import psutil
 import pytest
 from dask import config as dask_config
 
-from bench.backend import TRIES, Failure, Interrupts, Workers, answers, workers
+from bench.backend import TRIES, Interrupts, Workers, answers, workers
+from bench.isolation import Failure
 from tasks.errors import InputError
 
 BACKENDS = ("loky", "dask")
@@ -27,7 +29,9 @@ def outcome(jobs, where):
     """What each job gave, in their order; no job may give two answers."""
     found = {}
     with workers(where), Interrupts() as interrupts:
-        for index, answer in answers([partial(tuple, job) for job in jobs], where, interrupts):
+        for index, answer in answers(
+            [partial(tuple, ("job", *job)) for job in jobs], where, interrupts
+        ):
             assert index not in found
             found[index] = answer.result
     return [found[index] for index in range(len(jobs))]
@@ -45,13 +49,13 @@ def test_a_job_that_raises_leaves_its_reason_and_the_rest_goes_on(backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.filterwarnings("ignore")  # of the worker that is no more
-def test_a_job_that_kills_its_worker_is_tried_alone_and_then_blamed(backend):
+def test_a_job_that_kills_its_process_is_tried_alone_and_then_blamed(backend):
     jobs = [(math.sqrt, (4.0,)), (os.abort, ()), *[(math.sqrt, (9.0,))] * 5]
     first, failure, *rest = outcome(jobs, Workers(2, backend))
     assert [first, *rest] == [2.0, *[3.0] * 5]
     assert isinstance(failure, Failure)
     assert failure.tries == TRIES
-    assert failure.reason.startswith(f"its worker died {TRIES} times")
+    assert failure.reason == "its process was killed by SIGABRT before it answered"
 
 
 def test_clusters_of_two_runs_do_not_meet():
@@ -60,9 +64,9 @@ def test_clusters_of_two_runs_do_not_meet():
 
 
 BUSY = """
-import os, pathlib, time
+import multiprocessing, os, pathlib, time
 sign = pathlib.Path({folder!r}, str(os.getpid()))
-sign.touch()
+sign.write_text(str(multiprocessing.parent_process().pid))
 time.sleep(0.5)
 sign.unlink()
 """
@@ -70,20 +74,21 @@ sign.unlink()
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.filterwarnings("ignore")
-def test_innocent_jobs_survive_the_death_of_workers(backend, times, tmp_path, figure):
-    """Workers are killed while two are busy: a job that is tried again alone is spared."""
+def test_innocent_jobs_survive_the_death_of_workers_and_processes(backend, times, tmp_path, figure):
+    """Victims are chosen while two are busy: a job that is tried again alone is spared."""
     draw, over, deaths = np.random.default_rng(0), threading.Event(), []
 
     def kill():
         while len(deaths) < 2 + times and not over.wait(draw.uniform(0.1, 1)):
-            # Loky ends the other workers too, whose signs stay behind.
+            # The signs of killed processes stay behind.
             busy = [sign for sign in tmp_path.iterdir() if psutil.pid_exists(int(sign.name))]
             if len(busy) == 2:
-                victim = draw.choice(busy)
-                with suppress(ProcessLookupError):
-                    os.kill(int(victim.name), signal.SIGKILL)
-                    deaths.append(victim)
-                victim.unlink(missing_ok=True)
+                sign = draw.choice(busy)
+                with suppress(ProcessLookupError, FileNotFoundError, ValueError):
+                    of_the_worker = draw.random() < 0.5
+                    os.kill(int(sign.read_text() if of_the_worker else sign.name), signal.SIGKILL)
+                    deaths.append(sign)
+                sign.unlink(missing_ok=True)
 
     killer, rounds = threading.Thread(target=kill), 0
     killer.start()
@@ -95,7 +100,7 @@ def test_innocent_jobs_survive_the_death_of_workers(backend, times, tmp_path, fi
     finally:
         over.set()
         killer.join()
-    figure("workers killed", len(deaths))
+    figure("workers and processes killed", len(deaths))
     figure("runs of 12 jobs completed", rounds)
 
 
@@ -104,7 +109,7 @@ def test_what_a_call_raises_before_it_is_sent_ends_the_run(where):
     def missing():
         raise InputError("there is nothing to work on")
 
-    calls = [lambda: (math.sqrt, (4.0,)), missing, lambda: (math.sqrt, (4.0,))]
+    calls = [lambda: ("job", math.sqrt, (4.0,)), missing, lambda: ("job", math.sqrt, (4.0,))]
     with (
         workers(where),
         Interrupts() as interrupts,
@@ -121,26 +126,118 @@ def test_arguments_as_large_as_demonstrations_arrive(backend):
     assert outcome(jobs, Workers(2, backend)) == sums
 
 
-GROWING = """
+@pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(1, "dask")])
+def test_a_job_may_not_take_longer_than_the_limit(where):
+    where = replace(where, limit=1)
+    endless = "while True:\n try: time.sleep(30)\n except BaseException: pass"
+    quick, slow = outcome([(time.sleep, (0.01,)), (exec, ("import time\n" + endless,))], where)
+    assert quick is None
+    assert slow.reason == "it took more than the 0.0166667 minutes of --limit"
+
+
+VICES = {
+    "exits": ("import sys; sys.exit(4)", "SystemExit: 4"),
+    "interrupts": ("raise KeyboardInterrupt('mine')", "KeyboardInterrupt: mine"),
+    "leaves": ("import os; os._exit(0)", "its process ended with exit code 0 before it answered"),
+    "asks": ("input()", "EOFError"),
+    "hides": ("class E(Exception):\n def __str__(self): 1/0\nraise E()", "E: "),
+    "recurses": ("f = lambda g: g(g)\nf(f)", "RecursionError"),
+}
+
+
+@pytest.mark.parametrize("where", [Workers(1), Workers(2, "dask")])
+@pytest.mark.filterwarnings("ignore")
+def test_whatever_a_job_does_is_a_failure_with_its_reason(where):
+    found = outcome([(exec, (code,)) for code, _ in VICES.values()], where)
+    for failure, (_, reason) in zip(found, VICES.values(), strict=True):
+        assert reason in failure.reason
+
+
+def test_what_a_job_returns_may_be_impossible_to_send():
+    (failure,) = outcome([(eval, ("lambda: 1",))], Workers(1))
+    assert "pickle" in failure.reason
+
+
+CHANGES = """
+import os, random, signal, sys, threading, time, warnings
+import numpy as np, torch
+os.chdir("/"); os.environ["LEFT"] = "1"; os.umask(0)
+torch.set_default_dtype(torch.float64); torch.set_num_threads(2); np.seterr(all="raise")
+np.random.seed(7); np.linalg.solve = None; sys.path.insert(0, "/left"); sys.stdout = None
+signal.signal(signal.SIGTERM, signal.SIG_IGN); warnings.simplefilter("ignore")
+threading.Thread(target=time.sleep, args=(3600,)).start()
+"""
+STATE = """(
+    __import__("os").environ.get("LEFT"), __import__("os").umask(0o22),
+    str(__import__("torch").get_default_dtype()), __import__("torch").get_num_threads(),
+    __import__("numpy").geterr()["over"], __import__("numpy").random.rand(),
+    __import__("torch").rand(1).item(), __import__("random").random(),
+    "/left" in __import__("sys").path, __import__("threading").active_count(),
+    __import__("numpy").linalg.solve is None, __import__("signal").getsignal(15),
+    len(__import__("os").listdir()),
+)"""
+
+
+@pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(1, "dask")])
+def test_a_job_finds_its_process_as_if_it_were_the_first(where):
+    before, *_, after = outcome(
+        [(eval, (STATE,)), *[(exec, (CHANGES,))] * 4, (eval, (STATE,))], where
+    )
+    assert before == after
+    assert before[0] is None
+    assert before[-1] == 0
+
+
+def test_what_a_job_prints_is_shown_only_with_its_failure(capfd):
+    said = "print('one ' * 20); import os; os.system('echo two'); os._exit(1)"
+    quiet, failure = outcome([(exec, ("print('three')",)), (exec, (said,))], Workers(1))
+    assert quiet is None
+    assert "one one" in failure.traceback
+    assert "two" in failure.traceback
+    shown = "".join(capfd.readouterr())
+    assert not {"one", "two", "three"} & set(shown.split())
+
+
+LONG = """
 import sys, time
-sys.kept = [*getattr(sys, "kept", []), b"1" * 400_000_000]
-time.sleep(1.1)
+from functools import partial
+from bench.backend import Interrupts, Workers, answers, workers
+where = Workers(2, sys.argv[1])
+jobs = [partial(tuple, ("job", exec, (sys.argv[2],)))] * 2
+if __name__ == "__main__":
+    with workers(where), Interrupts() as interrupts:
+        list(answers(jobs, where, interrupts))
 """
 
 
-def test_a_worker_that_grows_stays():
-    """Loky looks for leaks at most once a second, and would warn in a thread of its own."""
-    large = np.ones(100_000)  # more than a pipe holds, so that a lost reader is noticed
-    grown = outcome([(exec, (GROWING, {"large": large}))] * 6, Workers(2))
-    assert grown == [None] * 6
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("harm", [signal.SIGKILL, signal.SIGHUP])
+def test_no_process_outlives_a_run_that_is_killed(backend, harm, tmp_path):
+    (tmp_path / "long.py").write_text(LONG)
+    mark = f"bench-test-{tmp_path.name}"
+    begin = f"pathlib.Path({str(tmp_path)!r}, str(os.getpid())).touch()"
+    job = f"import pathlib, os, time\n{begin}\ntime.sleep(600)"
+    running = subprocess.Popen(
+        [sys.executable, str(tmp_path / "long.py"), backend, job],
+        env=os.environ | {"MARK": mark},
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    while sum(path.name.isdecimal() for path in tmp_path.iterdir()) < 2:
+        time.sleep(0.05)
+        assert running.poll() is None
+    running.send_signal(harm)
+    running.wait(timeout=30)
+    end = time.monotonic() + 10
+    while left := [p.pid for p in psutil.process_iter() if marked(p, mark)]:
+        assert time.monotonic() < end, left
+        time.sleep(0.1)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_job_may_not_take_longer_than_the_limit(jobs):
-    where = Workers(jobs, limit=0.3)
-    quick, slow = outcome([(time.sleep, (0.01,)), (time.sleep, (30,))], where)
-    assert quick is None
-    assert slow.reason == "TimeoutError: more than the 0.005 minutes that a job may take"
+def marked(process, mark):
+    with suppress(psutil.Error):
+        return process.environ().get("MARK") == mark and process.status() != "zombie"
+    return False
 
 
 @pytest.mark.parametrize(
@@ -153,7 +250,6 @@ def test_a_job_may_not_take_longer_than_the_limit(jobs):
         (Workers(1, "dask", "tcp://10.0.0.1:8786"), "takes tls://HOST:PORT"),
         (Workers(1, "dask", "example.org"), "takes tls://HOST:PORT"),
         (Workers(1, "dask", "http://localhost:1"), "takes tls://HOST:PORT"),
-        (Workers(1, "dask", limit=60), "--limit is not for the backend dask"),
     ],
 )
 def test_what_cannot_be_used_is_refused(where, answer):
@@ -162,17 +258,15 @@ def test_what_cannot_be_used_is_refused(where, answer):
 
 
 SLEEPERS = """
-import sys, time
+import sys
 from functools import partial
-from pathlib import Path
 from bench.backend import Interrupts, Workers, answers, workers
-def begin(folder, seconds):
-    (folder / str(seconds)).touch()
-    time.sleep(seconds)
+begin = "import pathlib, time; pathlib.Path({!r}, '{}').touch(); time.sleep({})"
 where = Workers(int(sys.argv[1]))
-jobs = [(begin, (Path(sys.argv[2]), seconds)) for seconds in (0, 2, 60, 61)]
+codes = [begin.format(sys.argv[2], seconds, seconds) for seconds in (0, 2, 60, 61)]
+calls = [partial(tuple, ("job", exec, (code,))) for code in codes]
 with workers(where), Interrupts() as interrupts:
-    for index, answer in answers([partial(tuple, job) for job in jobs], where, interrupts):
+    for index, answer in answers(calls, where, interrupts):
         print(index, flush=True)
     interrupts.check()
 """
@@ -189,6 +283,7 @@ def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path
     )
     assert running.stdout.readline() == "0\n"
     while not (tmp_path / "2").exists():
+        assert running.poll() is None
         time.sleep(0.01)
     for _ in range(times):
         os.killpg(running.pid, signal.SIGINT)
@@ -196,7 +291,7 @@ def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path
     out, err = running.communicate(timeout=60)
     # Once: the job of 2 s may end. Twice: nothing may.
     assert out == ("1\n" if times == 1 else "")
-    assert "KeyboardInterrupt" in err
+    assert "Stop" in err
     assert "stopping" in err
     assert ends_within(10, running.pid)
 

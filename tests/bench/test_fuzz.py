@@ -23,6 +23,7 @@ from methods.registry import get_method, method_names
 from methods.training import TrainingError
 from tasks.data import Episodes, Starts
 from tasks.errors import InputError
+from tasks.files import from_bytes, to_bytes
 from tasks.registry import TASKS
 
 STUDIES = {
@@ -116,7 +117,8 @@ def store(tmp_path):
     outcomes = (np.arange(4) % 2 == 1, np.zeros(4, bool), np.full(4, 69), np.zeros((4, 69)))
     with store.locked():
         store.ask_for([Cell(FIT, EVALUATION, 4)])
-        store.add_fit(FIT, {"koopman": np.eye(2)}, {"losses": np.ones(3)}, {"seconds": 1.5})
+        weights, losses = to_bytes({"koopman": np.eye(2)}), to_bytes({"losses": np.ones(3)})
+        store.add_fit(FIT, weights, losses, {"seconds": 1.5})
         store.add_episodes(FIT, EVALUATION, Episodes(starts, *outcomes))
         store.add_times({"folder": store.frame().folder[0]}, [1.0])
         store.add_failure("label", "reason", "traceback")
@@ -179,7 +181,7 @@ def test_any_stored_file_is_read_or_set_aside_or_refused(store, tmp_path, times,
         understood(store.failures)
         understood(store.progress)
         understood(store.sweep)
-        understood(lambda: store.has_fit(FIT) and store.parameters(FIT))
+        understood(lambda: store.has_fit(FIT) and from_bytes(store.parameters(FIT)))
         understood(lambda: store.episodes(FIT, EVALUATION))
         assert [one.name for one in tmp_path.iterdir()] == ["results"]
         shutil.rmtree(store.folder / "damaged", ignore_errors=True)

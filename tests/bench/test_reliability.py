@@ -111,7 +111,7 @@ def study(smoke):
 @pytest.fixture
 def whole(study, tmp_path):
     """A study's results."""
-    run(study, tmp_path / "whole", Workers(1))
+    run(study, tmp_path / "whole", Workers(1, "sequential"))
     return tmp_path / "whole"
 
 
@@ -168,7 +168,7 @@ def test_whatever_is_damaged_is_set_aside_and_computed_again(
         if draw.random() < 0.25:
             path.write_bytes(other.read_bytes())
         assert rates(whole).items() <= table.items()
-        run(study, whole, Workers(1))
+        run(study, whole, Workers(1, "sequential"))
         assert files_of(whole) == sound
         assert re.search("set aside as", capsys.readouterr().err)
     figure("damaged files set aside", 5 * times)
@@ -205,6 +205,10 @@ def test_the_order_of_cells_makes_no_difference(
     random.Random(3).shuffle(orders)
     for index, order in enumerate(orders[: 2 * times]):
         out = tmp_path / f"order{index}"
-        run(replace(study, episodes={n: study.episodes[n] for n in order}), out, Workers(1))
+        run(
+            replace(study, episodes={n: study.episodes[n] for n in order}),
+            out,
+            Workers(1, "sequential"),
+        )
         assert files_of(out) == files_of(whole)
     figure("orders of experiments", index + 1)

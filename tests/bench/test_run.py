@@ -53,10 +53,10 @@ class TestInProcess:
     def test_more_episodes_extend_what_is_there(self, task, smoke, tmp_path, monkeypatch, files_of):
         monkeypatch.setattr(type(task), "success", lambda self, r: (1e6 * r[:, -1]) % 2 < 1)
         study = replace(get_preset("smoke"), episodes={"success": 503})
-        run(study, tmp_path / "grown", Workers(1))
+        run(study, tmp_path / "grown", Workers(1, "sequential"))
         larger = replace(study, episodes={"success": 510})
-        assert run(larger, tmp_path / "grown", Workers(1)).done == 2
-        run(larger, tmp_path / "at once", Workers(1))
+        assert run(larger, tmp_path / "grown", Workers(1, "sequential")).done == 2
+        run(larger, tmp_path / "at once", Workers(1, "sequential"))
         assert files_of(tmp_path / "grown") == files_of(tmp_path / "at once")
 
     def test_status_counts_what_is_done(self, task, smoke, bench, tmp_path):
@@ -69,7 +69,7 @@ class TestInProcess:
     def test_status_counts_evaluations_of_all_episodes_and_of_what_was_asked_for_alone(
         self, task, smoke, bench, tmp_path
     ):
-        run(get_preset("smoke"), tmp_path, Workers(1))
+        run(get_preset("smoke"), tmp_path, Workers(1, "sequential"))
         store = Store(tmp_path)
         study, notes = store.study(), store.notes()
         label = "door-kodex-described-single-n6-s0"
@@ -148,7 +148,7 @@ class TestInProcess:
         self, task, smoke, tmp_path, capsys, files_of, name, harm
     ):
         whole, out = tmp_path / "whole", tmp_path / "out"
-        run(get_preset("smoke"), whole, Workers(1))
+        run(get_preset("smoke"), whole, Workers(1, "sequential"))
         merge([whole], out)
         path = next(out.glob(name))
         data = path.read_bytes()
@@ -163,7 +163,7 @@ class TestInProcess:
         def fail(handle):
             raise OSError("full")
 
-        run(get_preset("smoke"), tmp_path / "whole", Workers(1))
+        run(get_preset("smoke"), tmp_path / "whole", Workers(1, "sequential"))
         monkeypatch.setattr("bench.store.os.fsync", fail)
         with pytest.raises(OSError, match="full"):
             merge([tmp_path / "whole"], tmp_path / "out")
@@ -181,12 +181,12 @@ class TestInProcess:
 
     def test_what_is_damaged_is_computed_again(self, task, smoke, tmp_path, capsys, files_of):
         study = get_preset("smoke")
-        run(study, tmp_path, Workers(1))
+        run(study, tmp_path, Workers(1, "sequential"))
         before = files_of(tmp_path)
         path = next(tmp_path.glob("cells/door-kodex*/weights.safetensors"))
         path.write_bytes(path.read_bytes()[:-1])
         # The fit and all three evaluations of it.
-        assert run(study, tmp_path, Workers(1)).done == 4
+        assert run(study, tmp_path, Workers(1, "sequential")).done == 4
         assert files_of(tmp_path) == before
         assert "set aside" in capsys.readouterr().err
 
@@ -194,7 +194,7 @@ class TestInProcess:
         self, task, smoke, tmp_path, files_of
     ):
         study = get_preset("smoke")
-        run(study, tmp_path, Workers(1))
+        run(study, tmp_path, Workers(1, "sequential"))
         before, asked = files_of(tmp_path), Store(tmp_path).study()
         for other, answer in (
             (replace(study, controller=ControllerConfig(epochs=6)), "another controller .its conf"),
@@ -204,7 +204,7 @@ class TestInProcess:
             ),
         ):
             with pytest.raises(InputError, match=answer) as refusal:
-                run(other, tmp_path, Workers(1))
+                run(other, tmp_path, Workers(1, "sequential"))
             assert "of door-kodex-described-single-n6-s0 with" in str(refusal.value)
             assert "choose another folder" in str(refusal.value)
         assert files_of(tmp_path) == before
@@ -214,14 +214,14 @@ class TestInProcess:
         self, task, smoke, tmp_path, monkeypatch, capsys
     ):
         study = get_preset("smoke")
-        run(study, tmp_path, Workers(1))
+        run(study, tmp_path, Workers(1, "sequential"))
         before = {path.read_bytes() for path in tmp_path.glob("cells/door-kodex*/eval-*")}
         monkeypatch.setattr("bench.controller.VERSION", 2)
         # The controller, and all three evaluations that it has a part in.
-        assert run(study, tmp_path, Workers(1)).done == 4
+        assert run(study, tmp_path, Workers(1, "sequential")).done == 4
         assert capsys.readouterr().err.count("set aside as") == 3
         assert {path.read_bytes() for path in (tmp_path / "damaged").iterdir()} == before
-        assert run(study, tmp_path, Workers(1)).done == 0
+        assert run(study, tmp_path, Workers(1, "sequential")).done == 0
 
     def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
         out = ("--out", str(tmp_path), "--jobs", "1")
@@ -412,7 +412,7 @@ class TestInProcess:
 
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
         monkeypatch.setattr("bench.driver.record", record)
-        assert run(study, tmp_path, Workers(1)).failed == (
+        assert run(study, tmp_path, Workers(1, "sequential")).failed == (
             "door-tuned-on-successes-heavy_hand: TrainingError: controller of door has no samples"
             " to learn from",
         )
@@ -421,7 +421,7 @@ class TestInProcess:
 
     def test_an_audit_tries_other_masses_and_other_controllers(self, task, smoke, bench, tmp_path):
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
-        assert not run(study, tmp_path, Workers(1)).failed
+        assert not run(study, tmp_path, Workers(1, "sequential")).failed
         frame = Store(tmp_path).frame()
         kodex = frame[(frame.method == "kodex") & (frame.variant == "described")]
         assert set(kodex[kodex.controller == "original"].physics) == {
@@ -678,12 +678,12 @@ def test_a_failure_is_forgotten_once_its_evaluation_succeeds_in_pieces(
 
     study = replace(get_preset("smoke"), episodes={"ood": 8})
     with monkeypatch.context() as patch:
-        patch.setattr("bench.driver.rollout", rollout)
-        assert len(run(study, tmp_path, Workers(1)).failed) == 2
+        patch.setattr("bench.jobs.rollout", rollout)
+        assert len(run(study, tmp_path, Workers(1, "sequential")).failed) == 2
     assert len(Store(tmp_path).failures()) == 2
     monkeypatch.setattr("bench.driver.CHUNK", 2)
     for episodes in (4, 8):
-        run(replace(study, episodes={"ood": episodes}), tmp_path, Workers(1))
+        run(replace(study, episodes={"ood": episodes}), tmp_path, Workers(1, "sequential"))
     assert Store(tmp_path).failures() == []
 
 

@@ -9,6 +9,7 @@ from bench.spec import Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
 from tasks.data import Episodes, Starts, generator
 from tasks.errors import InputError
+from tasks.files import to_bytes
 
 FIT = Fit("door", "kodex", "described", "single", {"observables": 3, "cutoff": 1.0}, 10, 0, "r")
 OTHER = Fit("door", "kodex", "described", "single", {"observables": 2, "cutoff": 1.0}, 10, 0, "r")
@@ -22,7 +23,7 @@ def store(tmp_path):
     store = Store(tmp_path / "results")
     with store.locked():
         store.ask_for([Cell(FIT, EVALUATION, 4)])
-        store.add_fit(FIT, WEIGHTS, {"losses": np.ones(3)}, {"seconds": 1.5})
+        store.add_fit(FIT, to_bytes(WEIGHTS), to_bytes({"losses": np.ones(3)}), {"seconds": 1.5})
         store.add_episodes(FIT, EVALUATION, some_episodes(0, 4))
         yield store
 
@@ -41,7 +42,7 @@ def some_episodes(first, last):
 def test_what_is_stored_comes_back(store):
     assert store.has_fit(FIT)
     assert not store.has_fit(OTHER)
-    np.testing.assert_array_equal(store.parameters(FIT)["koopman"], WEIGHTS["koopman"])
+    assert store.parameters(FIT) == to_bytes(WEIGHTS)
     frame = store.episodes(FIT, EVALUATION)
     expected = some_episodes(0, 4)
     np.testing.assert_array_equal(frame.start, expected.starts.index)
@@ -52,11 +53,9 @@ def test_what_is_stored_comes_back(store):
 
 def test_a_controller_comes_back(store):
     assert not store.has_controller(CONTROLLER)
-    store.add_controller(CONTROLLER, WEIGHTS, {})
+    store.add_controller(CONTROLLER, to_bytes(WEIGHTS), {})
     assert store.has_controller(CONTROLLER)
-    np.testing.assert_array_equal(
-        store.controller_weights(CONTROLLER)["koopman"], WEIGHTS["koopman"]
-    )
+    assert store.controller_weights(CONTROLLER) == to_bytes(WEIGHTS)
 
 
 def test_more_episodes_extend_the_same_evaluation(store):
@@ -70,7 +69,7 @@ def test_more_episodes_extend_the_same_evaluation(store):
 
 
 def test_the_frame_counts_what_was_asked_for(store):
-    store.add_fit(OTHER, WEIGHTS, {}, {})
+    store.add_fit(OTHER, to_bytes(WEIGHTS), b"", {})
     store.add_episodes(OTHER, EVALUATION, some_episodes(0, 2))
     frame = store.frame()
     assert len(frame) == 1
@@ -130,7 +129,7 @@ def test_damage_is_seen_and_set_aside(store, damage, name, capsys):
 
 
 def test_files_of_another_cell_are_seen(store, capsys):
-    store.add_fit(OTHER, WEIGHTS, {}, {})
+    store.add_fit(OTHER, to_bytes(WEIGHTS), b"", {})
     store.add_episodes(OTHER, EVALUATION, some_episodes(0, 4))
     paths = sorted(store.cells.glob("*/eval-*.parquet"))
     here, there = (path.read_bytes() for path in paths)

@@ -1,0 +1,116 @@
+"""What a run's processes do: train a controller, fit a method, evaluate a fit.
+
+A job depends on its arguments alone, runs in whichever process, and returns a list with one result
+for each thing that it was to make. What it returns of a method is bytes, see `methods.contract`.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.controller import Controller, train_controller
+from bench.rollout import FeedbackPolicy, TrackedMotion
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit
+from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.contract import Learnt, learn, loaded, motion
+from methods.guard import guarded
+from methods.registry import get_method
+from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
+from tasks.experts import load_expert
+from tasks.files import from_bytes, to_bytes
+from tasks.registry import get_task
+from tasks.simulator import CHUNK, Policy, rollout
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The part of a cell's evaluation that is missing."""
+
+    cell: Cell
+    starts: Starts
+    keep: int
+    """How many stored episodes stay."""
+
+    @property
+    def label(self) -> str:
+        """A name for people to read."""
+        return f"{self.cell.fit.label} {self.cell.evaluation.name}"
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a fit or a controller has learnt, as the content of files."""
+
+    parameters: bytes
+    diagnostics: bytes
+    seconds: float
+    """Of this seed alone."""
+
+
+def controller_job(spec: ControllerSpec, demos: Demos) -> list[Fitted]:
+    """Returns a controller's weights."""
+    began = time.perf_counter()
+    weights = train_controller(spec.config, demos, spec.task, spec.seed)
+    return [Fitted(to_bytes(weights), b"", time.perf_counter() - began)]
+
+
+def fit_job(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fitted]:
+    """Returns for each of the fits, which differ in their seeds, what was learnt."""
+    first = fits[0]
+    method, layout = get_method(first.method, first.variant), get_task(first.task).layout
+    # A global random stream must not depend on which seeds are beside.
+    alone = () if fits_together(method) else (first.seed,)
+    with guarded(first.task, first.method, first.variant, first.size, first.demos, *alone):
+        began = time.perf_counter()
+        learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
+        seconds = (time.perf_counter() - began) / len(fits)
+        return [_fitted(one, validation, seconds) for one in learnt]
+
+
+def _fitted(learnt: Learnt, validation: Demos, seconds: float) -> Fitted:
+    diagnostics = from_bytes(learnt.diagnostics)
+    if isinstance(learnt.method, MotionMethod):
+        diagnostics["imitation_error"] = imitation_error(learnt.method, validation)
+    return Fitted(learnt.parameters, to_bytes(diagnostics) if diagnostics else b"", seconds)
+
+
+def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
+    """Returns mean |predicted - demonstrated x_r| over demonstrations and t = 2..T, (H,)."""
+    wanted = validation.states[:, 1:, : method.layout.robot_dim]
+    predicted = motion(method, validation.states[:, 0], wanted.shape[1])
+    errors = np.abs(predicted[:, 1:, : method.layout.robot_dim] - wanted)
+    return errors.mean(axis=(0, 1))
+
+
+def evaluation_job(
+    piece: Piece, parameters: bytes, controller: bytes, threads: int
+) -> list[Episodes]:
+    """Returns what comes of the episodes of a piece.
+
+    Each chunk meets the method as it was stored, whatever an earlier chunk has left in it.
+    """
+    evaluation = piece.cell.evaluation
+    task = get_task(evaluation.task, evaluation.rule)
+    parts = []
+    for first in range(0, len(piece.starts), CHUNK):
+        starts = piece.starts[first : first + CHUNK]
+        with guarded(piece.label, piece.keep + first):
+            policy = make_policy(piece.cell.fit, parameters, controller)
+            parts.append(rollout(task, starts, policy, evaluation.physics, threads=threads))
+    return [join_episodes(parts)]
+
+
+def make_policy(fit: Fit, parameters: bytes, controller: bytes) -> Policy:
+    """Returns what drives the episodes of a fit."""
+    task = get_task(fit.task)
+    if fit.method == EXPERT:
+        return load_expert(task).policy
+    method: Method = loaded(
+        get_method(fit.method, fit.variant), fit.config, task.layout, parameters
+    )
+    if isinstance(method, MotionMethod):
+        return TrackedMotion(method, Controller(from_bytes(controller)))
+    assert isinstance(method, ActionMethod)
+    return FeedbackPolicy(method)

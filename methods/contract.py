@@ -1,0 +1,193 @@
+"""Hold a method to its contract wherever it is called, in a check and in a run alike.
+
+What a method returns is fixed here: parameters and diagnostics become bytes, answers become new
+arrays of float64. Nothing that a method has made goes further than this file.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from methods.base import ActionMethod, Method, MotionMethod
+from tasks.data import Demos, FloatArray, Layout
+from tasks.files import from_bytes, to_bytes
+
+MAX_BYTES = 2**30
+"""Of the parameters of a fit, and of its diagnostics."""
+
+
+class ContractError(RuntimeError):
+    """A method did something that its contract does not allow; the message says what."""
+
+
+def resolved(config: Any) -> dict[str, Any]:
+    """Returns every field of a config, as JSON has them.
+
+    Raises:
+        ContractError: JSON cannot hold a value, or would give back another config.
+    """
+    try:
+        values: dict[str, Any] = json.loads(json.dumps(asdict(config), allow_nan=False))
+        same = from_json(type(config), values) == config
+    except (TypeError, ValueError) as error:
+        raise ContractError(
+            f"{config!r} cannot be stored: a config is a frozen dataclass of finite numbers,"
+            f" texts, truth values and tuples of them ({error})"
+        ) from error
+    if not same:
+        raise ContractError(f"{config!r} is not the same once stored and built again")
+    return values
+
+
+def from_json(kind: type[Any], values: Mapping[str, Any]) -> Any:
+    """Returns the config of a kind with values that `resolved` gave."""
+    given = [field.name for field in fields(kind) if field.init and field.name in values]
+    return kind(**{name: _tuples(values[name]) for name in given})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def build(method: type[Method], values: Mapping[str, Any], layout: Layout) -> Method:
+    """Returns a method, not fitted, with the values of a config.
+
+    Raises:
+        InputError: the method refuses the config.
+    """
+    return method(from_json(type(next(iter(method.sizes.values()))), values), layout)
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What one seed's fit has given, as bytes that a file can hold."""
+
+    parameters: bytes
+    diagnostics: bytes
+    method: Method
+    """Built from the parameters alone, as an evaluation will."""
+
+
+def learn(
+    method: type[Method],
+    values: Mapping[str, Any],
+    layout: Layout,
+    demos: Demos,
+    validation: Demos,
+    seeds: Sequence[int],
+) -> list[Learnt]:
+    """Returns what a method learns from demonstrations, one item for each seed.
+
+    Args:
+        method: what learns.
+        values: of its config, as `resolved` gives them.
+        layout: the dimensions of the task.
+        demos: the training demonstrations.
+        validation: others, to choose a checkpoint by.
+        seeds: each has its fit.
+
+    Raises:
+        ContractError: the method writes to demonstrations, or returns what cannot be stored.
+    """
+    given = _copied(demos), _copied(validation)
+    config = build(method, values, layout).config
+    fitted = method.fit_seeds(config, layout, *given, list(seeds))
+    if _arrays(given[0]) != _arrays(demos) or _arrays(given[1]) != _arrays(validation):
+        raise ContractError("fit wrote to the demonstrations that it was given")
+    kinds = [type(one).__name__ for one in fitted]
+    if len(fitted) != len(seeds) or not all(isinstance(one, method) for one in fitted):
+        raise ContractError(
+            f"fit_seeds must return {len(seeds)} of {method.__name__}, one for each seed, got"
+            f" {kinds}"
+        )
+    return [_learnt(one, values, layout) for one in fitted]
+
+
+def _copied(demos: Demos) -> Demos:
+    return demos[np.arange(len(demos))]
+
+
+def _arrays(demos: Demos) -> list[bytes]:
+    arrays = (demos.states, demos.velocities, demos.actions, demos.starts.values)
+    return [array.tobytes() for array in arrays]
+
+
+def _learnt(fitted: Method, values: Mapping[str, Any], layout: Layout) -> Learnt:
+    parameters = _stored(fitted.parameters(), "parameters")
+    if not from_bytes(parameters):
+        raise ContractError("parameters() is empty: there is nothing that load could take")
+    diagnostics = _stored(fitted.diagnostics(), "diagnostics")
+    return Learnt(parameters, diagnostics, loaded(type(fitted), values, layout, parameters))
+
+
+def loaded(
+    method: type[Method], values: Mapping[str, Any], layout: Layout, parameters: bytes
+) -> Method:
+    """Returns a method with parameters that `learn` gave."""
+    again = build(method, values, layout)
+    again.load(from_bytes(parameters))
+    return again
+
+
+def _stored(arrays: Any, what: str) -> bytes:
+    if not isinstance(arrays, Mapping):
+        raise ContractError(f"{what}() must return arrays by name, got {_shown(arrays)}")
+    for name, array in arrays.items():
+        if not isinstance(name, str) or not name.isprintable() or name in ("", "__metadata__"):
+            raise ContractError(f"{what}() names an array {name!r}: names are printable texts")
+        plain = type(array) is np.ndarray and array.dtype.kind in "biufc"
+        if not plain or array.dtype.itemsize > (16 if array.dtype.kind == "c" else 8):
+            raise ContractError(
+                f"{what}() holds {name!r}, {_shown(array)}: allowed are NumPy arrays of truth"
+                " values, integers, floats up to 64 bits and complex numbers up to 128 bits"
+            )
+    size = sum(array.nbytes for array in arrays.values())
+    if size > MAX_BYTES:
+        raise ContractError(
+            f"{what}() takes {size / 2**30:.1f} GiB, allowed is {MAX_BYTES / 2**30:g}"
+        )
+    native = {name: array.astype(array.dtype.newbyteorder("=")) for name, array in arrays.items()}
+    return to_bytes(native)
+
+
+def motion(method: MotionMethod, start: FloatArray, steps: int) -> FloatArray:
+    """Returns the motion that a method predicts, (B, steps + 1, D) or (B, steps + 1, H).
+
+    Args:
+        method: what predicts.
+        start: x(1), (B, D).
+        steps: states after the start.
+
+    Raises:
+        ContractError: the answer is not a NumPy array of floats of such a shape.
+    """
+    layout = method.layout
+    shapes = [(len(start), steps + 1, dim) for dim in (layout.state_dim, layout.robot_dim)]
+    return _floats(method.rollout(start.copy(), steps), "rollout", shapes)
+
+
+def actions(method: ActionMethod, state: FloatArray, t: int) -> FloatArray:
+    """Returns the actions (B, A) of a method for the states (B, D) after t control steps.
+
+    Raises:
+        ContractError: the answer is not a NumPy array of floats of that shape.
+    """
+    shapes = [(len(state), method.layout.action_dim)]
+    return _floats(method.act(state.copy(), t), "act", shapes)
+
+
+def _floats(answer: Any, of: str, shapes: Sequence[tuple[int, ...]]) -> FloatArray:
+    if not isinstance(answer, np.ndarray) or answer.dtype.kind != "f":
+        raise ContractError(f"{of} must return a NumPy array of floats, got {_shown(answer)}")
+    if answer.shape not in shapes:
+        wanted = " or ".join(map(str, dict.fromkeys(shapes)))
+        raise ContractError(f"{of} must return shape {wanted}, got {answer.shape}")
+    return np.array(answer, np.float64, order="C", subok=False)
+
+
+def _shown(value: Any) -> str:
+    kind = f"{type(value).__module__}.{type(value).__qualname__}".removeprefix("builtins.")
+    return f"{kind} of {value.dtype}" if isinstance(value, np.ndarray) else kind
