@@ -1,10 +1,8 @@
 """One policy, one task, one list of starts: what drives a rollout."""
 
-import numpy as np
-
 from bench.controller import Controller
 from methods.base import ActionMethod, MotionMethod
-from tasks.data import FloatArray
+from tasks.data import FloatArray, real
 from tasks.simulator import Simulator
 
 
@@ -17,7 +15,10 @@ class TrackedMotion:
     def reset(self, simulator: Simulator) -> None:
         """Predicts the motions of all episodes, for as long as the task lasts."""
         task = simulator.task
-        motion = self.method.rollout(simulator.state(), task.steps)
+        motion = real(
+            f"motions of {type(self.method).__name__}",
+            self.method.rollout(simulator.state(), task.steps),
+        )
         self.motion = motion[:, :, : task.robot_dim]
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
@@ -38,4 +39,5 @@ class FeedbackPolicy:
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
         """Returns the method's actions (B, A)."""
-        return np.asarray(self.method.act(simulator.state(), step), np.float64)
+        actions = self.method.act(simulator.state(), step)
+        return real(f"actions of {type(self.method).__name__}", actions)

@@ -11,7 +11,7 @@ from importlib import import_module
 
 import numpy as np
 
-from tasks.data import FloatArray
+from tasks.data import FloatArray, real
 from tasks.errors import InputError, unknown_name
 
 Observables = Callable[[FloatArray, FloatArray], FloatArray]
@@ -22,9 +22,10 @@ def lift(state: FloatArray, robot_dim: int, observables: Observables) -> FloatAr
     """Returns the lifted states (..., p) of states x (..., D), p = D + Q.
 
     Raises:
-        InputError: the observables do not come back as (..., Q).
+        InputError: the observables do not come back as (..., Q), or either is not real.
     """
-    psi = observables(state[..., :robot_dim], state[..., robot_dim:])
+    state = real("states", state)
+    psi = real("observables", observables(state[..., :robot_dim], state[..., robot_dim:]))
     if psi.ndim != state.ndim or psi.shape[:-1] != state.shape[:-1]:
         raise InputError(
             f"observables of states {state.shape} must have shape {state.shape[:-1]} + (Q,),"

@@ -11,8 +11,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load
 
 from tasks.base import Task
-from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, key
-from tasks.errors import InputError
+from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, UnclippedDemos, key
+from tasks.errors import InputError, described
 from tasks.experts import load_expert
 from tasks.files import flush, to_bytes
 from tasks.masses import NOMINAL
@@ -57,7 +57,8 @@ class Recorder:
         self._see()
         seen = (self._states, self._velocities, self._actions)
         states, velocities, actions = (np.stack(part, axis=1)[rows] for part in seen)
-        return Demos(self._simulator.starts[rows], states, velocities, actions)
+        kind = UnclippedDemos if self.raw else Demos
+        return kind(self._simulator.starts[rows], states, velocities, actions)
 
 
 def record(
@@ -90,7 +91,7 @@ def _join(parts: list[Demos]) -> Demos:
     first = parts[0].starts
     index = np.concatenate([part.starts.index for part in parts])
     values = np.concatenate([part.starts.values for part in parts])
-    return Demos(
+    return type(parts[0])(
         Starts(first.task, first.split, index, values),
         np.concatenate([part.states for part in parts]),
         np.concatenate([part.velocities for part in parts]),
@@ -157,7 +158,7 @@ def load_demos(task: Task, recipe: str | None = None) -> Demos:
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
         save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
         data = path.read_bytes()
-    return _from_bytes(task, data)
+    return _from_bytes(task, data, path)
 
 
 def split(demos: Demos) -> tuple[Demos, Demos]:
@@ -181,10 +182,19 @@ def adopt_demos(task: Task, file: Path) -> str:
         raise InputError(
             f"{file} is not what `bench demos import` writes, or not what its SHA-256 says"
         )
-    try:
-        found = _from_bytes(task, data)
-    except (SafetensorError, KeyError, AttributeError) as error:
-        raise InputError(f"{file} holds no demonstrations: {error}") from error
+    found = _from_bytes(task, data, file)
+    _check_for(task, found, file)
+    # Of what is kept, not of the file: its numbers may have been converted.
+    data = _to_bytes(found)
+    recipe = key("demos file", hashlib.sha256(data).hexdigest())
+    path = demos_path(task, recipe)
+    if _read(path) != data:
+        save_demos(found, path)
+    return recipe
+
+
+def _check_for(task: Task, demos: Demos, file: Path) -> None:
+    """Raises InputError unless the demonstrations of a file can be learnt from."""
     layout = task.layout
     wanted = {
         "states": (task.horizon, layout.state_dim),
@@ -192,19 +202,17 @@ def adopt_demos(task: Task, file: Path) -> str:
         "actions": (task.steps, layout.action_dim),
     }
     for name, shape in wanted.items():
-        if getattr(found, name).shape[1:] != shape:
+        if getattr(demos, name).shape[1:] != shape:
             raise InputError(
                 f"{file}: {name} of {task.name} have shape {shape} in each demonstration, got"
-                f" {getattr(found, name).shape[1:]}"
+                f" {getattr(demos, name).shape[1:]}"
             )
-    if not all(map(len, split(found))):
-        raise InputError(f"{file} holds {len(found)} demonstrations, too few to keep some back")
-    task.check_starts(found.starts)
-    recipe = key("demos file", hashlib.sha256(data).hexdigest())
-    path = demos_path(task, recipe)
-    if _read(path) != data:
-        save_demos(found, path)
-    return recipe
+    if not all(map(len, split(demos))):
+        raise InputError(f"{file} holds {len(demos)} demonstrations, too few to keep some back")
+    try:
+        task.check_starts(demos.starts)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
 
 
 def save_demos(demos: Demos, path: Path) -> None:
@@ -260,7 +268,12 @@ def _to_bytes(demos: Demos) -> bytes:
     )
 
 
-def _from_bytes(task: Task, data: bytes) -> Demos:
-    arrays = load(data)
-    starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
-    return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])
+def _from_bytes(task: Task, data: bytes, file: Path) -> Demos:
+    try:
+        arrays = load(data)
+        starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
+        return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    except (SafetensorError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file} holds no demonstrations: {described(error)}") from error

@@ -21,7 +21,7 @@ from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 
 from tasks.base import Task
-from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts
+from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, real
 from tasks.demos import record
 from tasks.errors import InputError
 from tasks.simulator import Simulator
@@ -248,7 +248,7 @@ def _attribute(group: h5py.Group, name: str, width: int) -> FloatArray:
 
 
 def _finite(name: str, values: FloatArray | IntArray) -> FloatArray:
-    wide = np.asarray(values, np.float64)
+    wide = real(name, values)
     if not np.isfinite(wide).all():
         raise InputError(f"{name} holds numbers that are not finite")
     return wide

@@ -87,3 +87,19 @@ def test_unknown_observables_are_refused(chosen, answer):
 def test_observables_of_a_wrong_shape_are_refused():
     with pytest.raises(InputError, match=r"must have shape \(4,\) \+ \(Q,\), got \(3,\)"):
         lift(np.ones((4, 5)), 2, lambda x_r, x_o: np.ones(3))
+
+
+@pytest.mark.parametrize("dtype", [complex, object])
+def test_states_and_observables_that_are_not_real_are_refused(dtype):
+    state = np.ones((4, 5))
+    with pytest.raises(InputError, match="states must hold real numbers"):
+        lift(state.astype(dtype), 2, get_observables(1))
+    with pytest.raises(InputError, match="observables must hold real numbers"):
+        lift(state, 2, lambda x_r, x_o: x_r.astype(dtype))
+
+
+def test_states_in_single_precision_are_lifted_in_double():
+    state = np.float32(generator("single").standard_normal((4, 5)))
+    lifted = lift(state, 2, get_observables(1))
+    assert lifted.dtype == np.float64
+    np.testing.assert_array_equal(lifted, lift(state.astype(np.float64), 2, get_observables(1)))
