@@ -190,6 +190,65 @@ def test_what_a_file_must_not_hold_is_refused_with_its_name(
     assert str(refused.value).startswith(str(tmp_path / "mine.safetensors"))
 
 
+def refuse(*arguments, **options):
+    raise PermissionError(13, "Permission denied")
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("harm", ["cache is a file", "folder is a file", "no permission", "/proc"])
+def test_a_cache_that_cannot_be_written_to_is_refused_before_the_work(
+    task, shipped, tmp_path, monkeypatch, harm
+):
+    cache = tmp_path / "cache"
+    if harm == "cache is a file":
+        cache.touch()
+    elif harm == "folder is a file":
+        cache.mkdir()
+        (cache / "demos").touch()
+    elif harm == "/proc":
+        monkeypatch.setenv("BENCH_CACHE", "/proc/cache")
+        cache = "/proc/cache"
+    else:
+        monkeypatch.setattr("tasks.files.TemporaryFile", refuse)
+    monkeypatch.setattr(demos, "make_demos", pytest.fail)
+    with pytest.raises(InputError, match=rf"{cache}/demos'? cannot be .* set BENCH_CACHE"):
+        demos.load_demos(task)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_cache_that_can_only_be_read_is_read(task, shipped, monkeypatch):
+    made = demos.load_demos(task)
+    monkeypatch.setattr("tasks.files.TemporaryFile", refuse)
+    np.testing.assert_array_equal(demos.load_demos(task).states, made.states)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_cache_that_cannot_be_read_is_named(task, shipped):
+    demos.demos_path(task).mkdir(parents=True)
+    with pytest.raises(InputError, match=rf"{demos.demos_path(task)} cannot be read"):
+        demos.load_demos(task)
+
+
+def test_a_user_without_a_home_is_told_of_the_cache(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("BENCH_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(demos.Path, "home", homeless)
+    with pytest.raises(InputError, match=r"no home folder .* BENCH_CACHE"):
+        demos.cache_folder()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_demonstrations_that_cannot_be_written_leave_nothing(task, shipped, tmp_path, monkeypatch):
+    made = demos.load_demos(task)
+    monkeypatch.setattr("tasks.files.os.fsync", refuse)
+    with pytest.raises(PermissionError):
+        demos.save_demos(made, tmp_path / "new" / "mine")
+    assert not (tmp_path / "new").exists()
+
+
 def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):
     monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
     with pytest.raises(InputError, match=r"succeeded in 0 of \d+ episodes"):
