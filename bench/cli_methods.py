@@ -9,6 +9,7 @@ import typer
 
 from bench.options import SOME_FAILED, AsJson
 from tasks.errors import InputError
+from tasks.files import whole_folder
 
 
 def check(
@@ -47,13 +48,11 @@ def new_method(
     if name in method_names():
         raise InputError(f"there is a method {name!r} already: {', '.join(method_names())}")
     target = folder / name
-    if target.exists():
-        raise InputError(f"{target} exists already: remove it, or choose another name or --folder")
-    target.mkdir(parents=True)
     class_name = "".join(part.capitalize() for part in name.split("_"))
-    for source in files("methods.template").iterdir():
-        if source.name.endswith(".txt"):
-            text = source.read_text().replace("{{name}}", name).replace("{{Class}}", class_name)
-            path = target / source.name.removesuffix(".txt").replace("NAME", name)
-            path.write_text(text)
+    with whole_folder(target) as temporary:
+        for source in files("methods.template").iterdir():
+            if source.name.endswith(".txt"):
+                text = source.read_text().replace("{{name}}", name).replace("{{Class}}", class_name)
+                path = temporary / source.name.removesuffix(".txt").replace("NAME", name)
+                path.write_text(text)
     print(f"wrote {target}: next, pip install -e {target} && bench check {name}")

@@ -11,6 +11,7 @@ import typer
 
 from bench.options import SOME_FAILED, AsJson
 from tasks.errors import InputError, unknown_name
+from tasks.files import writable_folder
 
 if TYPE_CHECKING:
     from bench.presets import Study
@@ -54,6 +55,7 @@ def run(
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
+    writable_folder(out)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     seconds = None if limit is None else 60 * _positive("limit", limit)
     try:
@@ -103,6 +105,7 @@ def plan(
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
+    writable_folder(out)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     made = make_plan(study, out, count)
     if as_json:
@@ -207,4 +210,5 @@ def merge(
     """Merge results folders, as from several machines, into one."""
     from bench.merge import merge as merge_folders
 
+    writable_folder(out)
     print(f"{merge_folders(folders, out)} fits in {out}")

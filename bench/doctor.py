@@ -1,6 +1,7 @@
 """What this machine has, and what a run would miss."""
 
 import platform
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,10 @@ import joblib
 
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
-from tasks.demos import cache_folder, demos_path
+from tasks.demos import cache_folder, demos_path, writable_cache
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.files import writable_folder
 from tasks.registry import TASKS, get_task
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
@@ -56,12 +58,30 @@ def _machine(folder: Path) -> list[dict[str, Any]]:
         {
             "what": f"disk at {there}",
             "found": f"{free:.0f} GiB free",
-            "advice": "free some: results of the whole paper take about a gigabyte"
-            if free < LEAST_DISK
-            else "",
+            "advice": _refusal(lambda: writable_folder(folder))
+            or (
+                "free some: results of the whole paper take about a gigabyte" * (free < LEAST_DISK)
+            ),
         },
-        {"what": "cache", "found": str(cache_folder()), "advice": ""},
+        _cache(),
     ]
+
+
+def _cache() -> dict[str, Any]:
+    try:
+        found = str(cache_folder())
+    except InputError as error:
+        return {"what": "cache", "found": "none", "advice": str(error)}
+    return {"what": "cache", "found": found, "advice": _refusal(lambda: writable_cache(""))}
+
+
+def _refusal(call: Callable[[], object]) -> str:
+    """The message of the InputError that a call raises, if any."""
+    try:
+        call()
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _drawing() -> dict[str, Any]:

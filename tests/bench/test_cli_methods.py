@@ -71,6 +71,18 @@ def test_nothing_is_overwritten(bench, tmp_path):
     assert "exists already" in error
 
 
+def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", fail)
+        with pytest.raises(OSError, match="No space left"):
+            bench("new-method", "mine", "--folder", str(tmp_path / "new"))
+    assert list(tmp_path.iterdir()) == []
+    assert bench("new-method", "mine", "--folder", str(tmp_path / "new"))[0] == 0
+
+
 def test_check_names_the_rules_and_says_what_they_ask(bench):
     code, said, _ = bench("check", "kodex")
     assert code == 0
