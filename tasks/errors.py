@@ -5,7 +5,6 @@ import importlib
 import os
 from collections.abc import Callable, Iterable
 from pathlib import PurePath
-from types import TracebackType
 
 LONGEST = 500
 """Characters of a described error, at most."""
@@ -36,7 +35,8 @@ def described(error: BaseException) -> str:
     """Returns an error in one line: type, message and place.
 
     For example ``KeyError: 'x' (mine.py:53 in fit)``. The place is the innermost frame outside
-    importlib, and of a SyntaxError the line that cannot be parsed. Characters that cannot be
+    importlib, unless that merely called importlib, and of a SyntaxError the line that cannot be
+    parsed. Characters that cannot be
     printed are escaped. The line has at most `LONGEST` characters. Never raises, whatever the
     error's own methods do.
     """
@@ -76,12 +76,14 @@ def _place(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         return f"{_file(error.filename)}:{error.lineno}"
     found = ""
-    trace: TracebackType | None = error.__traceback__
-    while trace is not None:
+    first = trace = error.__traceback__
+    while first and trace:
         code = trace.tb_frame.f_code
         if not code.co_filename.startswith(_IMPORTLIB):
             function = "" if code.co_name == "<module>" else f" in {code.co_name}"
             found = f"{_file(code.co_filename)}:{trace.tb_lineno}{function}"
+        elif trace is first.tb_next:
+            found = ""
         trace = trace.tb_next
     return found
 

@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 
@@ -82,6 +84,17 @@ def test_observables_may_be_a_callable_or_its_import_path():
 def test_unknown_observables_are_refused(chosen, answer):
     with pytest.raises(InputError, match=answer):
         get_observables(chosen)
+
+
+@pytest.mark.parametrize(
+    "text", ["raise SystemExit(3)", "1 / 0", "x = (", "def __getattr__(name): raise OSError(name)"]
+)
+def test_observables_that_cannot_be_imported_say_why(tmp_path, monkeypatch, text):
+    (tmp_path / "broken_observables.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "broken_observables", raising=False)
+    with pytest.raises(InputError, match=r"cannot import .*\(broken_observables.py:1"):
+        get_observables("broken_observables:psi")
 
 
 def test_observables_of_a_wrong_shape_are_refused():

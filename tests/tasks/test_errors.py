@@ -56,6 +56,11 @@ def test_a_package_is_named_with_its_folder(module):
     assert described(error) == "ValueError: 1 (broken_module/__init__.py:1)"
 
 
+def test_a_caller_of_importlib_is_not_the_place():
+    error = caught(importlib.import_module, "nowhere")
+    assert described(error) == "ModuleNotFoundError: No module named 'nowhere'"
+
+
 def test_an_error_that_was_never_raised_has_no_place():
     assert described(ValueError("bad")) == "ValueError: bad"
     assert described(ValueError()) == "ValueError"
