@@ -150,8 +150,10 @@ def _study(
 
         study = replace(study, tasks=_names("task", tasks, TASKS))
     if methods is not None:
-        from methods.registry import method_names
+        from methods.registry import get_method, method_names
 
+        for name in methods.split(","):
+            get_method(name)
         study = replace(study, methods=_names("method", methods, method_names()))
     if sizes is not None:
         study = replace(study, sizes=tuple(sizes.split(",")))
