@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from importlib.abc import MetaPathFinder
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,3 +58,40 @@ def load(folder: str | Path) -> pd.DataFrame:
     from bench.store import Store, episodes_table
 
     return episodes_table(Store(Path(folder)))
+
+
+def _in_the_way() -> str:
+    """What other module goes by the name of a package of ours, and what to do; else nothing."""
+    root = os.path.dirname(os.path.dirname(__file__))
+    for name in ("methods", "tasks", "reports"):
+        try:
+            spec = find_spec(name)
+        except ValueError:  # it was imported, and says nothing of where it is from
+            spec = None
+        found = (spec and spec.origin) or ""
+        if found and not _same(os.path.dirname(os.path.dirname(found)), root):
+            return (
+                f"{found} is in the way of the package {name!r} of kodex-bench: rename or remove"
+                " it, or take its folder off PYTHONPATH"
+            )
+    return ""
+
+
+def _same(one: str, other: str) -> bool:
+    return one == other or (os.path.exists(one) and os.path.samefile(one, other))
+
+
+class _Refusing(MetaPathFinder):
+    """Refuses every module of this package, since none could import what it needs."""
+
+    def find_spec(self, name: str, *where: Any) -> None:
+        if name == "bench.cli":
+            print(f"bench: {_fault}", file=sys.stderr)
+            raise SystemExit(2)
+        if name.startswith("bench."):
+            raise ImportError(_fault)
+
+
+_fault = _in_the_way()
+if _fault:
+    sys.meta_path.insert(0, _Refusing())

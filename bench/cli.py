@@ -2,7 +2,6 @@
 
 import json
 import sys
-from importlib.metadata import entry_points
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench import cli_demos, cli_expert, cli_methods, cli_run, cli_status
+from bench.commands import add_commands
 from bench.options import USAGE_ERROR, AsJson
 from tasks.errors import InputError
 from tasks.registry import TASKS
@@ -30,8 +30,6 @@ app.command("status")(cli_status.status)
 app.command("doctor")(cli_status.doctor)
 app.command("check")(cli_methods.check)
 app.command("new-method")(cli_methods.new_method)
-for point in sorted(entry_points(group="bench.commands"), key=lambda point: point.name):
-    app.command(point.name)(point.load())
 
 
 @app.command("list")
@@ -67,6 +65,8 @@ def describe(
         return
     {"task": _print_task, "method": _print_method, "preset": _print_preset}[facts["kind"]](facts)
 
+
+add_commands(app)
 
 EXTRAS = {
     "distributed": "dask",

@@ -7,6 +7,7 @@ import typer
 
 from bench.options import SOME_FAILED, TaskName
 from tasks.errors import InputError
+from tasks.files import new_path
 from tasks.registry import TASKS, get_task
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def export_set(task: TaskName, folder: Folder) -> None:
     from tasks.minari import export_demos
 
     chosen = get_task(task)
+    new_path(folder)
     demos = load_demos(chosen)
     export_demos(chosen, demos, folder)
     print(f"wrote {len(demos)} demonstrations of {task} to {folder}")
@@ -54,8 +56,7 @@ def import_set(
     from tasks.demos import save_demos
     from tasks.minari import import_demos
 
-    if out.exists():
-        raise InputError(f"{out} exists: name a file that does not")
+    new_path(out)
     imported = import_demos(get_task(task), folder)
     _print_replay(task, imported.success)
     if not len(imported.demos):

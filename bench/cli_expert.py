@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bench.options import AsJson, TaskName
 from tasks.errors import InputError, unknown_name
+from tasks.files import writable_folder
 from tasks.registry import get_task
 
 app = typer.Typer(no_args_is_help=True, help="Train and evaluate the experts.")
@@ -23,13 +24,13 @@ def train(
     threads: Annotated[int, typer.Option(min=1, help="Threads to simulate on.")] = 2,
 ) -> None:
     """Train an expert by reinforcement learning; the same command again goes on."""
-    from tasks.demos import cache_folder
+    from tasks.demos import writable_cache
     from tasks.recipes import RECIPES
     from tasks.training import train as train_expert
     from tasks.training import write_expert
 
     chosen = get_task(task)
-    folder = folder or cache_folder() / "experts" / task
+    folder = writable_folder(folder) if folder else writable_cache(f"experts/{task}")
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         bar = progress.add_task(task, total=RECIPES[task].steps)

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from bench.options import SOME_FAILED, AsJson
-from tasks.errors import InputError
+from tasks.files import whole_folder
+from tasks.registry import TASKS
 
 
 def check(
@@ -34,26 +35,23 @@ def check(
 
 
 def new_method(
-    name: Annotated[str, typer.Argument(help="Name of the method: a Python identifier.")],
+    name: Annotated[str, typer.Argument(help="Name of the method: a-z, 0-9 and _.")],
     folder: Annotated[Path, typer.Option(help="Where the package's folder is put.")] = Path(),
 ) -> None:
     """Write a package with a small working method, its tests and what installs it."""
     from importlib.resources import files
 
+    from bench.presets import PRESETS
+    from methods.names import check_new_name
     from methods.registry import method_names
 
-    if not name.isidentifier() or name != name.lower():
-        raise InputError(f"a method's name is a Python identifier in lower case, got {name!r}")
-    if name in method_names():
-        raise InputError(f"there is a method {name!r} already: {', '.join(method_names())}")
+    check_new_name(name, (*method_names(), *TASKS, *PRESETS))
     target = folder / name
-    if target.exists():
-        raise InputError(f"{target} exists already: remove it, or choose another name or --folder")
-    target.mkdir(parents=True)
     class_name = "".join(part.capitalize() for part in name.split("_"))
-    for source in files("methods.template").iterdir():
-        if source.name.endswith(".txt"):
-            text = source.read_text().replace("{{name}}", name).replace("{{Class}}", class_name)
-            path = target / source.name.removesuffix(".txt").replace("NAME", name)
-            path.write_text(text)
+    with whole_folder(target) as temporary:
+        for source in files("methods.template").iterdir():
+            if source.name.endswith(".txt"):
+                text = source.read_text().replace("{{name}}", name).replace("{{Class}}", class_name)
+                path = temporary / source.name.removesuffix(".txt").replace("NAME", name)
+                path.write_text(text)
     print(f"wrote {target}: next, pip install -e {target} && bench check {name}")

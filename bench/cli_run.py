@@ -11,6 +11,7 @@ import typer
 
 from bench.options import SOME_FAILED, AsJson
 from tasks.errors import InputError, unknown_name
+from tasks.files import writable_folder
 
 if TYPE_CHECKING:
     from bench.presets import Study
@@ -54,6 +55,7 @@ def run(
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
+    writable_folder(out)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     seconds = None if limit is None else 60 * _positive("limit", limit)
     try:
@@ -103,6 +105,7 @@ def plan(
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
+    writable_folder(out)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     made = make_plan(study, out, count)
     if as_json:
@@ -147,8 +150,10 @@ def _study(
 
         study = replace(study, tasks=_names("task", tasks, TASKS))
     if methods is not None:
-        from methods.registry import method_names
+        from methods.registry import get_method, method_names
 
+        for name in methods.split(","):
+            get_method(name)
         study = replace(study, methods=_names("method", methods, method_names()))
     if sizes is not None:
         study = replace(study, sizes=tuple(sizes.split(",")))
@@ -207,4 +212,5 @@ def merge(
     """Merge results folders, as from several machines, into one."""
     from bench.merge import merge as merge_folders
 
+    writable_folder(out)
     print(f"{merge_folders(folders, out)} fits in {out}")

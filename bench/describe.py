@@ -16,7 +16,7 @@ def describe(name: str) -> dict[str, Any]:
         InputError: there is nothing of that name.
     """
     from bench.presets import PRESETS
-    from methods.registry import method_names
+    from methods.registry import method_names, unknown_method, unusable
 
     kinds = (
         ("task", TASKS, _task),
@@ -26,6 +26,8 @@ def describe(name: str) -> dict[str, Any]:
     for kind, names, particulars in kinds:
         if name in names:
             return {"kind": kind, **particulars(name)}
+    if name in unusable():
+        raise unknown_method(name)
     raise unknown_name("name", name, [known for _, names, _ in kinds for known in names])
 
 

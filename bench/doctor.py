@@ -1,17 +1,23 @@
 """What this machine has, and what a run would miss."""
 
 import platform
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import joblib
 
+from bench.commands import FAULTS
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
-from tasks.demos import cache_folder, demos_path
+from methods.registry import get_method, package_methods, unusable
+from tasks.demos import cache_folder, demos_path, writable_cache
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.files import writable_folder
+from tasks.packages import unreadable
 from tasks.registry import TASKS, get_task
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
@@ -25,7 +31,7 @@ def examine(folder: Path) -> list[dict[str, Any]]:
     Args:
         folder: where results would be written.
     """
-    return [*_packages(), *_machine(folder), _drawing(), *_experts()]
+    return [*_packages(), *_brought(), *_machine(folder), _drawing(), *_experts()]
 
 
 def _packages() -> list[dict[str, Any]]:
@@ -37,6 +43,20 @@ def _packages() -> list[dict[str, Any]]:
             advice = f"install it: pip install {name}"
             rows.append({"what": name, "found": "missing", "advice": advice})
     return rows
+
+
+def _brought() -> list[dict[str, Any]]:
+    """What installed packages bring and cannot be used."""
+    faults = {f"method {name!r}": fault for name, fault in unusable().items()}
+    for name in package_methods():
+        faults[f"method {name!r}"] = _refusal(partial(get_method, name))
+    faults |= {f"command {name!r}": fault for name, fault in FAULTS.items()}
+    faults |= {
+        f"package {name!r}": f"its entry points cannot be read ({reason}): uninstall or repair it"
+        for name, reason in unreadable().items()
+    }
+    rows = faults.items()
+    return [{"what": what, "found": "unusable", "advice": fault} for what, fault in rows if fault]
 
 
 def _machine(folder: Path) -> list[dict[str, Any]]:
@@ -56,12 +76,30 @@ def _machine(folder: Path) -> list[dict[str, Any]]:
         {
             "what": f"disk at {there}",
             "found": f"{free:.0f} GiB free",
-            "advice": "free some: results of the whole paper take about a gigabyte"
-            if free < LEAST_DISK
-            else "",
+            "advice": _refusal(partial(writable_folder, folder))
+            or (
+                "free some: results of the whole paper take about a gigabyte" * (free < LEAST_DISK)
+            ),
         },
-        {"what": "cache", "found": str(cache_folder()), "advice": ""},
+        _cache(),
     ]
+
+
+def _cache() -> dict[str, Any]:
+    try:
+        found = str(cache_folder())
+    except InputError as error:
+        return {"what": "cache", "found": "none", "advice": str(error)}
+    return {"what": "cache", "found": found, "advice": _refusal(partial(writable_cache, ""))}
+
+
+def _refusal(call: Callable[[], object]) -> str:
+    """The message of the InputError that a call raises, if any."""
+    try:
+        call()
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _drawing() -> dict[str, Any]:

@@ -17,7 +17,7 @@ LOOP_DEMOS, LOOP_STARTS = 2, 20
 def demos() -> Demos:
     states = generator("benchmark kodex").standard_normal((200, HORIZON, 41))
     starts = Starts("tool", "demo", np.arange(200), np.zeros((200, 1)))
-    return Demos(starts, states, states[:, :, :26], states[:, 1:, :26])
+    return Demos(starts, states, states[:, :, :26], np.clip(states[:, 1:, :26], -1, 1))
 
 
 def loop_over_samples(demos: Demos):

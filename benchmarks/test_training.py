@@ -129,7 +129,7 @@ def demos() -> Demos:
     steps = generator("benchmark training").standard_normal((DEMOS, HORIZON, LAYOUT.state_dim))
     states = 0.1 * np.cumsum(steps, axis=1)
     starts = Starts("door", "demo", np.arange(DEMOS), np.zeros((DEMOS, 1)))
-    return Demos(starts, states, states[:, :, :28], states[:, 1:, :28])
+    return Demos(starts, states, states[:, :, :28], np.clip(states[:, 1:, :28], -1, 1))
 
 
 @pytest.fixture(autouse=True)
@@ -188,7 +188,7 @@ def test_training_in_pieces_that_fit_a_cache(compare, monkeypatch):
     config = replace(PublishedNGF.sizes["median"], epochs=1)
     steps = generator("benchmark pieces").standard_normal((200, HORIZON, LAYOUT.state_dim))
     starts = Starts("door", "demo", np.arange(200), np.zeros((200, 1)))
-    demos = Demos(starts, steps, steps[:, :, :28], steps[:, 1:, :28])
+    demos = Demos(starts, steps, steps[:, :, :28], np.clip(steps[:, 1:, :28], -1, 1))
 
     def train(at_once: int | None) -> None:
         monkeypatch.setattr(PublishedNGF, "at_once", at_once)

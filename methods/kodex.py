@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from methods.base import MotionMethod, NotFittedError, Parameters
 from methods.lifting import get_observables, lift
-from tasks.data import Demos, FloatArray, Layout
+from tasks.data import Demos, FloatArray, Layout, real
 from tasks.errors import InputError
 
 
@@ -146,7 +146,13 @@ def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) ->
 
     Singular values of G below cutoff * p * eps times the largest count as zero: numpy's smaller
     default keeps directions that are rounding errors.
+
+    Raises:
+        InputError: the pairs are not real, or not two arrays of one shape (M, p).
     """
+    before, after = real("states before", before), real("states after", after)
+    if before.ndim != 2 or before.shape != after.shape:
+        raise InputError(f"pairs are two arrays (M, p), got {before.shape} and {after.shape}")
     pairs, observables = before.shape
     a = after.T @ before / pairs
     g = before.T @ before / pairs

@@ -11,8 +11,8 @@ from importlib import import_module
 
 import numpy as np
 
-from tasks.data import FloatArray
-from tasks.errors import InputError, unknown_name
+from tasks.data import FloatArray, real
+from tasks.errors import InputError, described, unknown_name
 
 Observables = Callable[[FloatArray, FloatArray], FloatArray]
 """Maps x_r (..., H) and x_o (..., O) to the further observables psi (..., Q)."""
@@ -22,9 +22,10 @@ def lift(state: FloatArray, robot_dim: int, observables: Observables) -> FloatAr
     """Returns the lifted states (..., p) of states x (..., D), p = D + Q.
 
     Raises:
-        InputError: the observables do not come back as (..., Q).
+        InputError: the observables do not come back as (..., Q), or either is not real.
     """
-    psi = observables(state[..., :robot_dim], state[..., robot_dim:])
+    state = real("states", state)
+    psi = real("observables", observables(state[..., :robot_dim], state[..., robot_dim:]))
     if psi.ndim != state.ndim or psi.shape[:-1] != state.shape[:-1]:
         raise InputError(
             f"observables of states {state.shape} must have shape {state.shape[:-1]} + (Q,),"
@@ -48,14 +49,14 @@ def get_observables(chosen: int | str | Observables) -> Observables:
     module, _, name = chosen.partition(":")
     try:
         found = import_module(module)
-    except (ImportError, ValueError, TypeError) as error:
+        observables = getattr(found, name, None)
+    except BaseException as error:  # whatever a module raises: it may call sys.exit
         raise InputError(
-            f"observables {chosen!r}: cannot import {module!r} ({error}); give a set number"
-            f" from {list(SETS)} or 'package.module:name'"
+            f"observables {chosen!r}: cannot import {module!r}: {described(error)}; give a set"
+            f" number from {list(SETS)} or 'package.module:name'"
         ) from error
-    observables = getattr(found, name, None)
     if not callable(observables):
-        names = [other for other in vars(found) if callable(getattr(found, other))]
+        names = [other for other, value in vars(found).items() if callable(value)]
         raise unknown_name(f"function of {module}", name, names)
     return observables
 

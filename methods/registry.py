@@ -4,12 +4,15 @@ A package brings methods by entry points of the group ``bench.methods``; the ent
 the method's, and its value the class.
 """
 
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 
 from methods.base import ActionMethod, Method, MotionMethod
-from tasks.errors import InputError, unknown_name
+from methods.names import check_label, check_method_name
+from tasks.errors import InputError, described, printable, unknown_name
+from tasks.packages import entry_points_of, owners
 
 ENTRY_POINTS = "bench.methods"
 _CLASSES = {"kodex": "Kodex", "nn": "NN", "lstm": "LSTM", "ndp": "NDP", "ngf": "NGF"}
@@ -17,9 +20,36 @@ _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
 """Variants whose network is another one."""
 
 
+class MethodError(InputError):
+    """A method of a package cannot be used, for the reason the message gives."""
+
+
 def method_names() -> list[str]:
     """Returns the names of all methods there are, those of this suite first."""
-    return list(_CLASSES) + sorted(_brought())
+    return [*_CLASSES, *package_methods()]
+
+
+def package_methods() -> list[str]:
+    """Returns the names of the methods that packages bring, but for `unusable` ones."""
+    return sorted(set(_brought()) - set(unusable()))
+
+
+def unusable() -> dict[str, str]:
+    """Returns by name why a method that packages bring cannot be used; nothing is imported.
+
+    A method of the suite is among them if a package brings another of the same name, since it
+    would not be known which one results are of.
+    """
+    found = {name: _fault(name, points) for name, points in _brought().items()}
+    return {name: fault for name, fault in found.items() if fault}
+
+
+def unknown_method(name: str) -> InputError:
+    """Returns the error for a method that is not among `method_names`: why it cannot be used."""
+    faults = unusable()
+    if name in faults:
+        return MethodError(faults[name])
+    return unknown_name("method", name, method_names())
 
 
 @cache
@@ -27,34 +57,78 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
     """Returns the class of a method's variant, imported when it is first asked for.
 
     Raises:
-        InputError: there is no such method, or its package does not bring one.
+        MethodError: a package brings it, and it cannot be used.
+        InputError: there is no such method.
     """
+    if name in unusable() or name not in method_names():
+        raise unknown_method(name)
     if (name, variant) in _VARIANTS:
         module, class_name = _VARIANTS[name, variant]
         found = getattr(import_module(f"methods.{module}"), class_name)
     elif name in _CLASSES:
         found = getattr(import_module(f"methods.{name}"), _CLASSES[name])
-    elif name in _brought():
-        found = _load(_brought()[name])
     else:
-        raise unknown_name("method", name, method_names())
+        found = _load(*_brought()[name])
     return found
 
 
-def _brought() -> dict[str, EntryPoint]:
-    points = entry_points(group=ENTRY_POINTS)
-    return {point.name: point for point in points if point.name not in _CLASSES}
+def _brought() -> dict[str, list[EntryPoint]]:
+    """The entry points of packages by name."""
+    found: dict[str, list[EntryPoint]] = {}
+    for point in entry_points_of(ENTRY_POINTS):
+        found.setdefault(point.name, []).append(point)
+    return found
+
+
+def _fault(name: str, points: Sequence[EntryPoint]) -> str:
+    """Why the name of a method that packages bring cannot be used, if it cannot."""
+    packages = owners(points)
+    if name in _CLASSES:
+        return f"{packages} brings a method {name!r}, which this suite has: {_cure(packages)}"
+    try:
+        check_method_name(name)
+    except InputError as error:
+        return f"{packages} brings a method that cannot be used: {error}; {_cure(packages)}"
+    if len(points) > 1:
+        values = ", ".join(sorted(point.value for point in points))
+        return f"{packages} bring the same method {name!r} ({values}): uninstall all but one"
+    return ""
+
+
+def _cure(packages: str) -> str:
+    return f"uninstall {packages}, or rename its entry point"
 
 
 def _load(point: EntryPoint) -> type[Method]:
+    package = owners([point])
+    value = printable(lambda: point.value, "", 100)
+    place, cure = f"method {point.name!r} ({value}) of {package}", f"repair or uninstall {package}"
     try:
         found = point.load()
-    except Exception as error:
-        raise InputError(f"method {point.name!r} ({point.value}) cannot be imported") from error
-    kinds = (MotionMethod, ActionMethod)
-    if not (isinstance(found, type) and issubclass(found, kinds)) or found.name != point.name:
-        raise InputError(
-            f"entry point {point.name!r} ({point.value}) must be a MotionMethod or an"
-            f" ActionMethod whose name is {point.name!r}, got {found!r}"
-        )
+        fault = _class_fault(found, point.name)
+    except BaseException as error:  # whatever a module raises: it may call sys.exit
+        raise MethodError(f"{place} cannot be imported: {described(error)}; {cure}") from error
+    if fault:
+        raise MethodError(f"{place} cannot be used: {fault}; {cure}")
     return found
+
+
+def _class_fault(found: object, name: str) -> str:
+    """Why something is not the class of a method of that name, if it is not."""
+    kinds = (MotionMethod, ActionMethod)
+    if not (isinstance(found, type) and issubclass(found, kinds)):
+        return (
+            f"it must be a subclass of MotionMethod or ActionMethod, got a {type(found).__name__}"
+        )
+    if getattr(found, "name", None) != name:
+        return f"the class must have the name {name!r}, as its entry point has"
+    for kind in ("size", "variant"):
+        names = getattr(found, f"{kind}s", None)
+        if not isinstance(names, Mapping):
+            return f"{kind}s must be a dictionary by name"
+        for one in names:
+            try:
+                check_label(kind, one)
+            except InputError as error:
+                return str(error)
+    return ""

@@ -10,6 +10,7 @@ import typer
 
 from bench.options import SOME_FAILED, AsJson, TaskName
 from tasks.errors import InputError
+from tasks.files import whole_file, writable_file, writable_folder
 
 Beside = Annotated[
     bool, typer.Option("--with-reference", help="Shipped results of other methods beside them.")
@@ -32,7 +33,9 @@ def report(
     from reports.write import write_report
 
     source = _one_of(folder, reference)
-    place = out or (Path("report") if folder is None else folder / "report")
+    place = writable_folder(out or (Path("report") if folder is None else folder / "report"))
+    if export is not None:
+        writable_file(export)
     results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()
@@ -40,7 +43,8 @@ def report(
     for path in written:
         print(path.read_text())
     if export is not None:
-        episodes_table(results.source).to_parquet(export, index=False)
+        with whole_file(export) as file:
+            episodes_table(results.source).to_parquet(file, index=False)
     print(f"{len(written)} exhibit(s) in {place}")
 
 
@@ -51,7 +55,7 @@ def pack(
     """Write results in a small form to share: all that reports need, and no weights."""
     from reports.reference import pack as pack_results
 
-    pack_results(folders, out)
+    pack_results(folders, writable_folder(out))
     size = sum(path.stat().st_size for path in out.iterdir())
     print(f"{size / 2**20:.1f} MiB in {out}; bench report {out} shows them")
 
@@ -132,9 +136,10 @@ def video(
     os.environ["MUJOCO_GL"] = drawing
     from reports.video import film, telling
 
+    place = writable_folder(out or results / "videos")
     names = methods.split(",")
     starts = telling(results, task, names[0]) if start is None else {f"start-{start}": start}
     for name, index in starts.items():
-        path = (out or results / "videos") / f"{task}-{name}.mp4"
+        path = place / f"{task}-{name}.mp4"
         film(results, task, names, index, path)
         print(path)

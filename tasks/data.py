@@ -10,18 +10,20 @@ A    actuators
 P    numbers that vary from one start to the next
 ===  ==========================================================
 
-All arrays hold float64 unless their description says otherwise.
+All arrays hold float64 unless their description says otherwise. An array that a caller gives is
+converted by `real` or `whole` where it comes in.
 """
 
 import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from tasks.errors import InputError
+from tasks.errors import InputError, described
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -48,6 +50,46 @@ def generator(*parts: str | int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(int(key(*parts), 16)))
 
 
+def real(name: str, values: ArrayLike) -> FloatArray:
+    """Returns an array as C-contiguous float64.
+
+    Args:
+        name: what the array is, for the message.
+        values: booleans, integers or floats, of any width and byte order.
+
+    Raises:
+        InputError: the array holds anything else, is masked, or is not a rectangle.
+    """
+    if isinstance(values, np.ma.MaskedArray):
+        raise InputError(f"{name}: a masked array of {values.dtype} is not accepted, fill it first")
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{name} cannot be read as an array: {described(error)}") from error
+    if array.dtype.kind not in "buif":
+        raise InputError(f"{name} must hold real numbers, got an array of {array.dtype}")
+    with np.errstate(over="ignore"):  # a long double can exceed float64
+        return np.asarray(array, np.float64, order="C")
+
+
+def whole(name: str, values: ArrayLike) -> IntArray:
+    """Returns an array of whole numbers from 0 as int64.
+
+    Args:
+        name: what the array is, for the message.
+        values: integers, or floats without a fraction.
+
+    Raises:
+        InputError: see `real`; or a number is negative, has a fraction or is 2^53 or more, where
+            float64 no longer holds every integer.
+    """
+    numbers = real(name, values)
+    bad = ~((numbers >= 0) & (numbers < 2**53) & (numbers == np.floor(numbers)))
+    if bad.any():
+        raise InputError(f"{name} must be whole numbers from 0, got {numbers[bad][0]:g}")
+    return numbers.astype(np.int64)
+
+
 @dataclass(frozen=True)
 class Layout:
     """The dimensions of a task, all that a method needs to know of it (appendix B)."""
@@ -70,8 +112,8 @@ class Starts:
     """Where episodes begin: what varies from one to the next (appendix D).
 
     Raises:
-        InputError: the arrays disagree in length, have a wrong number of axes, or hold a number
-            that is not finite.
+        InputError: the arrays disagree in length or have a wrong number of axes; an index is not a
+            whole number from 0; or the values are not real and finite.
     """
 
     task: str
@@ -82,8 +124,9 @@ class Starts:
     """(B, P) the numbers themselves, in the task's units."""
 
     def __post_init__(self) -> None:
-        index = np.asarray(self.index, np.int64)
-        values = np.asarray(self.values, np.float64)
+        place = f"of starts of {self.task}/{self.split}"
+        index = whole(f"indices {place}", self.index)
+        values = real(f"values {place}", self.values)
         if index.ndim != 1 or values.ndim != 2 or len(index) != len(values):
             raise InputError(
                 f"starts need an index (B,) and values (B, P) of the same length B,"
@@ -111,8 +154,12 @@ class Demos:
     """Recorded motions, one row per start.
 
     Raises:
-        InputError: the arrays disagree in their axes, or hold a number that is not finite.
+        InputError: the arrays disagree in their axes, hold a number that is not real and finite, or
+            an action exceeds `limit`.
     """
+
+    limit: ClassVar[float] = 1.0
+    """Largest absolute value of an action."""
 
     starts: Starts
     states: FloatArray
@@ -123,7 +170,8 @@ class Demos:
     """(B, T-1, A) normalised servo set-points in [-1, 1]."""
 
     def __post_init__(self) -> None:
-        arrays = {"states": self.states, "velocities": self.velocities, "actions": self.actions}
+        names = ("states", "velocities", "actions")
+        arrays = {name: real(f"{name} of demonstrations", getattr(self, name)) for name in names}
         shapes = {name: array.shape for name, array in arrays.items()}
         lengths = {
             (len(a), a.shape[1] + (n == "actions")) for n, a in arrays.items() if a.ndim == 3
@@ -133,20 +181,37 @@ class Demos:
                 "demonstrations need states (B, T, D), velocities (B, T, H) and actions"
                 f" (B, T-1, A), got shapes {shapes}"
             )
-        if len(self.starts) != len(self.states):
-            raise InputError(f"{len(self.states)} demonstrations have {len(self.starts)} starts")
+        if len(self.starts) != len(arrays["states"]):
+            raise InputError(
+                f"{len(arrays['states'])} demonstrations have {len(self.starts)} starts"
+            )
         for name, array in arrays.items():
-            bad = np.flatnonzero(~np.isfinite(array).all(axis=(1, 2)))
-            if bad.size:
-                raise InputError(f"{name} of demonstration {bad[0]} must be finite")
+            _require(np.isfinite(array), name, array, "be finite")
+            object.__setattr__(self, name, array)
+        actions, limit = arrays["actions"], self.limit
+        _require(np.abs(actions) <= limit, "actions", actions, f"lie in [-{limit:g}, {limit:g}]")
 
     def __len__(self) -> int:
         return len(self.states)
 
-    def __getitem__(self, rows: slice | IntArray) -> "Demos":
+    def __getitem__(self, rows: slice | IntArray) -> Self:
         """Returns the chosen demonstrations, in the order of rows."""
         chosen = (self.states[rows], self.velocities[rows], self.actions[rows])
-        return Demos(self.starts[rows], *chosen)
+        return type(self)(self.starts[rows], *chosen)
+
+
+class UnclippedDemos(Demos):
+    """Demonstrations whose actions are as a policy gave them, before they are clipped to act."""
+
+    limit = np.inf
+
+
+def _require(holds: BoolArray, name: str, array: FloatArray, must: str) -> None:
+    """Raises InputError with the first demonstration where something does not hold."""
+    if not holds.all():
+        row, *place = np.argwhere(~holds)[0]
+        value = array[(row, *place)]
+        raise InputError(f"{name} of demonstration {row} must {must}, got {value:g}")
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from safetensors import SafetensorError
 from safetensors.numpy import load
 
 from tasks.base import Task
-from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, key
-from tasks.errors import InputError
+from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, UnclippedDemos, key
+from tasks.errors import InputError, described
 from tasks.experts import load_expert
-from tasks.files import flush, to_bytes
+from tasks.files import to_bytes, whole_file, writable_folder
 from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
@@ -24,6 +24,8 @@ VERSION = 1
 """Raise it when demonstrations come out differently for reasons that no other part shows."""
 _BLOCK = 300
 """Starts tried at a time."""
+_FOLDER = "demos"
+_CURE = "set BENCH_CACHE to another folder"
 
 
 class Recorder:
@@ -57,7 +59,8 @@ class Recorder:
         self._see()
         seen = (self._states, self._velocities, self._actions)
         states, velocities, actions = (np.stack(part, axis=1)[rows] for part in seen)
-        return Demos(self._simulator.starts[rows], states, velocities, actions)
+        kind = UnclippedDemos if self.raw else Demos
+        return kind(self._simulator.starts[rows], states, velocities, actions)
 
 
 def record(
@@ -90,7 +93,7 @@ def _join(parts: list[Demos]) -> Demos:
     first = parts[0].starts
     index = np.concatenate([part.starts.index for part in parts])
     values = np.concatenate([part.starts.values for part in parts])
-    return Demos(
+    return type(parts[0])(
         Starts(first.task, first.split, index, values),
         np.concatenate([part.states for part in parts]),
         np.concatenate([part.velocities for part in parts]),
@@ -143,7 +146,8 @@ def load_demos(task: Task, recipe: str | None = None) -> Demos:
         recipe: their key, as `demos_key` or `adopt_demos` gave it; the expert's unless told.
 
     Raises:
-        InputError: the cache has lost demonstrations that came from a file.
+        InputError: the cache has lost demonstrations that came from a file, or cannot be written
+            to.
     """
     path = demos_path(task, recipe)
     data = _read(path)
@@ -153,11 +157,12 @@ def load_demos(task: Task, recipe: str | None = None) -> Demos:
                 f"the demonstrations of {task.name} that were once in {path} are missing or"
                 " damaged: give their file again with --demos"
             )
+        writable_cache(_FOLDER)
         if path.exists():
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
         save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
         data = path.read_bytes()
-    return _from_bytes(task, data)
+    return _from_bytes(task, data, path)
 
 
 def split(demos: Demos) -> tuple[Demos, Demos]:
@@ -174,17 +179,28 @@ def adopt_demos(task: Task, file: Path) -> str:
         file: as `save_demos` writes it.
 
     Raises:
-        InputError: it is no such file, is damaged, or is of other dimensions than the task.
+        InputError: it is no such file, is damaged, is of other dimensions than the task, or holds
+            what `Starts` or `Demos` refuse; or the cache cannot be written to.
     """
     data = _read(file)
     if data is None:
         raise InputError(
             f"{file} is not what `bench demos import` writes, or not what its SHA-256 says"
         )
-    try:
-        found = _from_bytes(task, data)
-    except (SafetensorError, KeyError, AttributeError) as error:
-        raise InputError(f"{file} holds no demonstrations: {error}") from error
+    found = _from_bytes(task, data, file)
+    _check_for(task, found, file)
+    # Of what is kept, not of the file: its numbers may have been converted.
+    data = _to_bytes(found)
+    recipe = key("demos file", hashlib.sha256(data).hexdigest())
+    path = demos_path(task, recipe)
+    if _read(path) != data:
+        writable_cache(_FOLDER)
+        save_demos(found, path)
+    return recipe
+
+
+def _check_for(task: Task, demos: Demos, file: Path) -> None:
+    """Raises InputError unless the demonstrations of a file can be learnt from."""
     layout = task.layout
     wanted = {
         "states": (task.horizon, layout.state_dim),
@@ -192,60 +208,71 @@ def adopt_demos(task: Task, file: Path) -> str:
         "actions": (task.steps, layout.action_dim),
     }
     for name, shape in wanted.items():
-        if getattr(found, name).shape[1:] != shape:
+        if getattr(demos, name).shape[1:] != shape:
             raise InputError(
                 f"{file}: {name} of {task.name} have shape {shape} in each demonstration, got"
-                f" {getattr(found, name).shape[1:]}"
+                f" {getattr(demos, name).shape[1:]}"
             )
-    if not all(map(len, split(found))):
-        raise InputError(f"{file} holds {len(found)} demonstrations, too few to keep some back")
-    task.check_starts(found.starts)
-    recipe = key("demos file", hashlib.sha256(data).hexdigest())
-    path = demos_path(task, recipe)
-    if _read(path) != data:
-        save_demos(found, path)
-    return recipe
+    if not all(map(len, split(demos))):
+        raise InputError(f"{file} holds {len(demos)} demonstrations, too few to keep some back")
+    try:
+        task.check_starts(demos.starts)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
 
 
 def save_demos(demos: Demos, path: Path) -> None:
     """Writes demonstrations to a file, and its SHA-256 beside it."""
     data = _to_bytes(demos)
-    _write(_digest_path(path), hashlib.sha256(data).hexdigest().encode())
-    _write(path, data)
+    with whole_file(path) as file, whole_file(_digest_path(path)) as digest:
+        file.write_bytes(data)
+        digest.write_bytes(hashlib.sha256(data).hexdigest().encode())
 
 
 def demos_path(task: Task, recipe: str | None = None) -> Path:
     """Returns where the cache keeps the demonstrations of that key, the expert's unless told."""
     name = f"{task.name}-{(recipe or demos_key(task))[:16]}.safetensors"
-    return cache_folder() / "demos" / name
+    return cache_folder() / _FOLDER / name
 
 
 def cache_folder() -> Path:
-    """Returns where what can be made again is kept: BENCH_CACHE, else in the XDG cache folder."""
+    """Returns where what can be made again is kept: BENCH_CACHE, else in the XDG cache folder.
+
+    Raises:
+        InputError: neither is set, and the user has no home folder.
+    """
     chosen = os.environ.get("BENCH_CACHE")
     if chosen:
         return Path(chosen)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "kodex-bench"
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "kodex-bench"
+    except RuntimeError as error:
+        raise InputError(f"there is no home folder for the cache: {_CURE}") from error
+
+
+def writable_cache(name: str) -> Path:
+    """Returns a folder of the cache, once it is known that it can be written to or made.
+
+    Raises:
+        InputError: it cannot, or see `cache_folder`.
+    """
+    return writable_folder(cache_folder() / name, _CURE)
 
 
 def _read(path: Path) -> bytes | None:
     """The bytes of a file of demonstrations, or None if it is missing or damaged."""
     digest = _digest_path(path)
-    if not (path.exists() and digest.exists()):
+    try:
+        data, noted = path.read_bytes(), digest.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
         return None
-    data = path.read_bytes()
-    return data if hashlib.sha256(data).hexdigest().encode() == digest.read_bytes() else None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    return data if hashlib.sha256(data).hexdigest().encode() == noted else None
 
 
 def _digest_path(path: Path) -> Path:
     return path.with_name(f"{path.name}.sha256")
-
-
-def _write(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    flush(temporary, data)
-    temporary.replace(path)
 
 
 def _to_bytes(demos: Demos) -> bytes:
@@ -260,7 +287,12 @@ def _to_bytes(demos: Demos) -> bytes:
     )
 
 
-def _from_bytes(task: Task, data: bytes) -> Demos:
-    arrays = load(data)
-    starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
-    return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])
+def _from_bytes(task: Task, data: bytes, file: Path) -> Demos:
+    try:
+        arrays = load(data)
+        starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
+        return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    except (SafetensorError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file} holds no demonstrations: {described(error)}") from error

@@ -1,7 +1,16 @@
-"""The one error for bad input: it names the value, what is allowed, and the nearest name."""
+"""The one error for bad input, and any error in one line."""
 
 import difflib
-from collections.abc import Iterable
+import importlib
+import os
+from collections.abc import Callable, Iterable
+from pathlib import PurePath
+
+LONGEST = 500
+"""Characters of a described error, at most."""
+_LONGEST_PLACE = 200
+_IMPORTLIB = ("<frozen importlib", os.path.join(os.path.dirname(importlib.__file__), ""))
+"""How the names of importlib's own files begin."""
 
 
 class InputError(ValueError):
@@ -20,3 +29,66 @@ def unknown_name(kind: str, name: object, allowed: Iterable[str]) -> InputError:
     nearest = difflib.get_close_matches(str(name), known, n=1)
     hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
     return InputError(f"unknown {kind} {name!r}: choose from {', '.join(known)}{hint}")
+
+
+def described(error: BaseException) -> str:
+    """Returns an error in one line: type, message and place.
+
+    For example ``KeyError: 'x' (mine.py:53 in fit)``. The place is the innermost frame outside
+    importlib, unless that merely called importlib, and of a SyntaxError the line that cannot be
+    parsed. Characters that cannot be
+    printed are escaped. The line has at most `LONGEST` characters. Never raises, whatever the
+    error's own methods do.
+    """
+    kind = printable(lambda: type(error).__name__, "error", 100)
+    place = printable(lambda: _place(error), "", _LONGEST_PLACE)
+    place = f" ({place})" if place else ""
+    left = LONGEST - len(kind) - len(place) - 2
+    message = printable(lambda: _message(error), "its message cannot be shown", left)
+    return f"{kind}: {message}{place}" if message else f"{kind}{place}"
+
+
+def printable(text: Callable[[], str], otherwise: str, longest: int) -> str:
+    """Returns what a function of somebody else's says, in one line that can be printed.
+
+    Args:
+        text: returns it, or raises whatever it likes.
+        otherwise: what is returned if it raises.
+        longest: characters of what is returned, at most; what is cut ends in ``...``.
+    """
+    try:
+        start = str.__getitem__(text(), slice(0, longest + 1))
+        escaped = "".join(
+            c if c.isprintable() else c.encode("unicode_escape").decode() for c in start
+        )
+    except BaseException:
+        return otherwise
+    return escaped if len(escaped) <= longest else f"{escaped[: longest - 3]}..."
+
+
+def _message(error: BaseException) -> str:
+    if isinstance(error, SyntaxError) and error.filename and error.msg:
+        return str(error.msg)
+    return str(error)
+
+
+def _place(error: BaseException) -> str:
+    if isinstance(error, SyntaxError) and error.filename and error.lineno:
+        return f"{_file(error.filename)}:{error.lineno}"
+    found = ""
+    first = trace = error.__traceback__
+    while first and trace:
+        code = trace.tb_frame.f_code
+        if not code.co_filename.startswith(_IMPORTLIB):
+            function = "" if code.co_name == "<module>" else f" in {code.co_name}"
+            found = f"{_file(code.co_filename)}:{trace.tb_lineno}{function}"
+        elif trace is first.tb_next:
+            found = ""
+        trace = trace.tb_next
+    return found
+
+
+def _file(path: str) -> str:
+    """The name of a file; of a package's ``__init__.py`` with its folder."""
+    parts = PurePath(path).parts
+    return "/".join(parts[-2:] if parts[-1] == "__init__.py" else parts[-1:])

@@ -21,9 +21,10 @@ from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 
 from tasks.base import Task
-from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts
+from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, real
 from tasks.demos import record
 from tasks.errors import InputError
+from tasks.files import new_path, whole_folder
 from tasks.simulator import Simulator
 
 MAX_EPISODES = 20_000
@@ -89,28 +90,26 @@ def export_demos(task: Task, demos: Demos, folder: Path) -> None:
         folder: becomes the data set, and must not exist.
 
     Raises:
-        InputError: the folder exists, or the task has no entry in PLACED.
+        InputError: the folder exists or cannot be made, or the task has no entry in PLACED.
     """
-    if folder.exists():
-        raise InputError(f"{folder} exists: name a folder that does not")
+    new_path(folder)
     initial = _initial_states(task, demos.starts)
     limits = spaces.Box(-1.0, 1.0, (task.layout.action_dim,), np.float64)
     seen = spaces.Box(-np.inf, np.inf, (task.layout.state_dim,), np.float64)
-    data = folder / "data"
-    data.mkdir(parents=True)
-    storage = MinariStorage.new(data, observation_space=seen, action_space=limits)
-    storage.update_episodes(
-        _buffer(demos, row, {name: values[row] for name, values in initial.items()})
-        for row in range(len(demos))
-    )
-    storage.update_metadata(
-        {
-            "dataset_id": f"{task.name}/expert-v0",
-            "minari_version": minari.__version__,
-            "task": task.name,
-            "observation_names": [component.name for component in task.components],
-        }
-    )
+    with whole_folder(folder) as temporary:
+        storage = MinariStorage.new(temporary / "data", observation_space=seen, action_space=limits)
+        storage.update_episodes(
+            _buffer(demos, row, {name: values[row] for name, values in initial.items()})
+            for row in range(len(demos))
+        )
+        storage.update_metadata(
+            {
+                "dataset_id": f"{task.name}/expert-v0",
+                "minari_version": minari.__version__,
+                "task": task.name,
+                "observation_names": [component.name for component in task.components],
+            }
+        )
 
 
 def import_demos(task: Task, folder: Path) -> Imported:
@@ -248,7 +247,7 @@ def _attribute(group: h5py.Group, name: str, width: int) -> FloatArray:
 
 
 def _finite(name: str, values: FloatArray | IntArray) -> FloatArray:
-    wide = np.asarray(values, np.float64)
+    wide = real(name, values)
     if not np.isfinite(wide).all():
         raise InputError(f"{name} holds numbers that are not finite")
     return wide

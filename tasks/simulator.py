@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from tasks.base import Task
-from tasks.data import Episodes, FloatArray, IntArray, Starts
+from tasks.data import Episodes, FloatArray, IntArray, Starts, real
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
 from tasks.physics import apply_physics
@@ -80,9 +80,9 @@ class Simulator:
                 episode diverge.
 
         Raises:
-            InputError: the actions have another shape.
+            InputError: the actions have another shape, or are not real.
         """
-        actions = np.asarray(actions)
+        actions = real(f"actions of {self.task.name}", actions)
         expected = (len(self.starts), self.task.layout.action_dim)
         if actions.shape != expected:
             raise InputError(

@@ -33,6 +33,7 @@ from tasks.base import Task
 from tasks.data import FloatArray, generator
 from tasks.errors import InputError
 from tasks.experts import CLIP, Expert, evaluate, expert_input
+from tasks.files import whole_file
 from tasks.recipes import RECIPES, Recipe
 from tasks.simulator import Simulator
 
@@ -108,9 +109,10 @@ def write_expert(task: Task, folder: Path) -> Path:
         "episodes": CARD_EPISODES,
         "success": success,
     }
-    (folder / f"{task.name}.safetensors").write_bytes(data)
     path = folder / f"{task.name}.json"
-    path.write_text(json.dumps(card, indent=2) + "\n")
+    with whole_file(path) as file, whole_file(path.with_suffix(".safetensors")) as weights:
+        weights.write_bytes(data)
+        file.write_text(json.dumps(card, indent=2) + "\n")
     return path
 
 
@@ -295,10 +297,9 @@ class Progress(BaseCallback):
             parts = {"mean": rms.mean, "var": rms.var, "count": rms.count}
             tensors |= {f"{name}.{k}": torch.as_tensor(v) for k, v in parts.items()}
         metadata = {"steps": row["steps"], "seconds": row["seconds"], "first": self.episodes.first}
-        temporary = self.checkpoint.with_suffix(".tmp")
         tensors = {key: value.contiguous() for key, value in tensors.items()}
-        save_file(tensors, temporary, {key: str(value) for key, value in metadata.items()})
-        temporary.replace(self.checkpoint)
+        with whole_file(self.checkpoint) as file:
+            save_file(tensors, file, {key: str(value) for key, value in metadata.items()})
         self.saved_steps = model.num_timesteps
         with self.log.open("a") as lines:
             lines.write(json.dumps(row) + "\n")

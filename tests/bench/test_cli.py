@@ -154,3 +154,71 @@ def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
     Store(tmp_path).ask_for([])
     code, said, _ = bench("time", str(tmp_path))
     assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")
+
+
+OUTPUTS = {
+    "run": ("run", "smoke", "--out", "OUT"),
+    "plan": ("plan", "smoke", "--out", "OUT"),
+    "merge": ("merge", "RESULTS", "--out", "OUT"),
+    "pack": ("pack", "RESULTS", "--out", "OUT"),
+    "report": ("report", "RESULTS", "--out", "OUT"),
+    "report --export": ("report", "RESULTS", "--out", "RESULTS/report", "--export", "OUT/file"),
+    "report beside": ("report", "OUT"),
+    "export": ("demos", "export", "door", "OUT"),
+    "import": ("demos", "import", "door", "RESULTS", "--out", "OUT/file"),
+    "new-method": ("new-method", "mine", "--folder", "OUT"),
+    "expert train": ("expert", "train", "door", "--folder", "OUT"),
+    "video": ("video", "door", "--results", "RESULTS", "--methods", "kodex", "--out", "OUT"),
+}
+
+
+@pytest.mark.parametrize("where", ["file", "below a file", "/proc/out"])
+@pytest.mark.parametrize("command", OUTPUTS.values(), ids=OUTPUTS)
+def test_what_cannot_be_written_to_is_refused_before_any_work(
+    bench, tmp_path, monkeypatch, command, where
+):
+    monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
+    monkeypatch.setattr("bench.driver.run", pytest.fail)
+    monkeypatch.setattr("tasks.demos.load_demos", pytest.fail)
+    (tmp_path / "file").write_text("mine")
+    out = {"file": tmp_path / "file", "below a file": tmp_path / "file" / "out"}.get(where, where)
+    results = tmp_path / "results"
+    results.mkdir()
+    Store(results).ask_for([])
+    before = sorted(tmp_path.rglob("*"))
+    words = [w.replace("OUT", str(out)).replace("RESULTS", str(results)) for w in command]
+    code, said, error = bench(*words)
+    assert (code, said) == (2, "")
+    assert str(out) in error
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_doctor_says_what_cannot_be_written_to(bench, tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "file"))
+    found = json.loads(bench("doctor", str(tmp_path / "file"), "--json")[1])
+    advice = {row["what"]: row["advice"] for row in found}
+    assert "is no folder; set BENCH_CACHE" in advice["cache"]
+    assert "is no folder; choose another place" in advice[f"disk at {tmp_path}/file"]
+
+
+def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, monkeypatch):
+    def fail(self, path, **options):
+        path.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "file").write_text("old")
+    monkeypatch.setattr("pandas.DataFrame.to_parquet", fail)
+    monkeypatch.setattr("reports.write.write_report", lambda *arguments: [])
+    with pytest.raises(OSError, match="No space left"):
+        bench(
+            "report",
+            "--reference",
+            "--out",
+            str(tmp_path / "r"),
+            "--export",
+            str(tmp_path / "file"),
+        )
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "old"

@@ -49,6 +49,7 @@ def test_the_tutorial_leads_from_nothing_to_a_row_in_the_table(
         assert set(table.row) == {"expert", "kodex", name}
     finally:
         registry.get_method.cache_clear()
+        sys.modules.pop(name, None)
 
 
 def test_new_method_says_what_to_do_next(bench, tmp_path):
@@ -56,11 +57,18 @@ def test_new_method_says_what_to_do_next(bench, tmp_path):
     assert f"pip install -e {tmp_path / 'mine'} && bench check mine" in said
 
 
-@pytest.mark.parametrize("name", ["my method", "Mine", "kodex", "1st"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("my method", "Mine", "kodex", "1st", "_x", "methodé", "x" * 41, "a\nb"),
+        *("class", "none", "expert", "validation", "random", "numpy", "torch", "setuptools"),
+        *("methods", "bench", "door", "paper"),
+    ],
+)
 def test_names_that_will_not_do_are_refused(bench, tmp_path, name):
     code, _, error = bench("new-method", name, "--folder", str(tmp_path))
     assert code == 2
-    assert name in error
+    assert f"a method cannot be called {name!r}" in error
     assert list(tmp_path.iterdir()) == []
 
 
@@ -69,6 +77,18 @@ def test_nothing_is_overwritten(bench, tmp_path):
     code, _, error = bench("new-method", "mine", "--folder", str(tmp_path))
     assert code == 2
     assert "exists already" in error
+
+
+def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", fail)
+        with pytest.raises(OSError, match="No space left"):
+            bench("new-method", "mine", "--folder", str(tmp_path / "new"))
+    assert list(tmp_path.iterdir()) == []
+    assert bench("new-method", "mine", "--folder", str(tmp_path / "new"))[0] == 0
 
 
 def test_check_names_the_rules_and_says_what_they_ask(bench):

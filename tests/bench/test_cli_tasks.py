@@ -114,6 +114,23 @@ def test_an_import_replaces_no_file(task, shipped, bench, tmp_path):
     assert file.read_text() == "mine"
 
 
+def test_nothing_is_made_for_an_export_to_what_exists(task, shipped, bench, tmp_path):
+    code, _, err = bench("demos", "export", "door", str(tmp_path))
+    assert code == 2
+    assert f"{tmp_path} exists already" in err
+    assert not demos_path(task).exists()
+
+
+def test_an_expert_is_not_trained_where_it_cannot_be_kept(task, shipped, bench, tmp_path):
+    (tmp_path / "cache").touch()
+    code, _, err = bench("expert", "train", "door")
+    assert code == 2
+    assert f"{tmp_path}/cache is no folder; set BENCH_CACHE" in err
+    code, _, err = bench("expert", "train", "door", "--folder", str(tmp_path / "cache" / "door"))
+    assert code == 2
+    assert f"{tmp_path}/cache is no folder; choose another place" in err
+
+
 def test_an_import_without_a_success_writes_nothing(task, shipped, bench, tmp_path, monkeypatch):
     folder, file = tmp_path / "set", tmp_path / "door.safetensors"
     assert bench("demos", "export", "door", str(folder))[0] == 0

@@ -8,6 +8,7 @@ from methods.base import NotFittedError
 from methods.kodex import Kodex, KodexConfig, solve_koopman
 from methods.lifting import get_observables, lift
 from tasks.data import Demos, Layout, Starts, generator
+from tasks.errors import InputError
 
 LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
 
@@ -125,3 +126,23 @@ def test_directions_below_the_cutoff_are_left_out():
     after = before[:, ::-1]
     assert np.abs(solve_koopman(before, after, cutoff=1e2)[:, 3]).max() < 1e-6
     assert solve_koopman(before, after, cutoff=1e-2)[0, 3] == pytest.approx(1, rel=1e-6)
+
+
+def test_demonstrations_in_single_precision_give_the_operator_of_double(noisy):
+    single = make_demos(noisy.states.astype(np.float32))
+    double = make_demos(noisy.states.astype(np.float32).astype(np.float64))
+    np.testing.assert_array_equal(fitted(single).koopman, fitted(double).koopman)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "answer"),
+    [
+        (np.ones((4, 2), complex), np.ones((4, 2)), "states before must hold real numbers"),
+        (np.ones((4, 2)), np.ones((4, 2), object), "states after must hold real numbers"),
+        (np.ones((4, 2)), np.ones((3, 2)), r"got \(4, 2\) and \(3, 2\)"),
+        (np.ones(4), np.ones(4), r"got \(4,\) and \(4,\)"),
+    ],
+)
+def test_pairs_that_cannot_be_solved_for_are_refused(before, after, answer):
+    with pytest.raises(InputError, match=answer):
+        solve_koopman(before, after)

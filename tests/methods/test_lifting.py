@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,33 @@ def test_unknown_observables_are_refused(chosen, answer):
         get_observables(chosen)
 
 
+@pytest.mark.parametrize(
+    "text", ["raise SystemExit(3)", "1 / 0", "x = (", "def __getattr__(name): raise OSError(name)"]
+)
+def test_observables_that_cannot_be_imported_say_why(tmp_path, monkeypatch, text):
+    (tmp_path / "broken_observables.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "broken_observables", raising=False)
+    with pytest.raises(InputError, match=r"cannot import .*\(broken_observables.py:1"):
+        get_observables("broken_observables:psi")
+
+
 def test_observables_of_a_wrong_shape_are_refused():
     with pytest.raises(InputError, match=r"must have shape \(4,\) \+ \(Q,\), got \(3,\)"):
         lift(np.ones((4, 5)), 2, lambda x_r, x_o: np.ones(3))
+
+
+@pytest.mark.parametrize("dtype", [complex, object])
+def test_states_and_observables_that_are_not_real_are_refused(dtype):
+    state = np.ones((4, 5))
+    with pytest.raises(InputError, match="states must hold real numbers"):
+        lift(state.astype(dtype), 2, get_observables(1))
+    with pytest.raises(InputError, match="observables must hold real numbers"):
+        lift(state, 2, lambda x_r, x_o: x_r.astype(dtype))
+
+
+def test_states_in_single_precision_are_lifted_in_double():
+    state = np.float32(generator("single").standard_normal((4, 5)))
+    lifted = lift(state, 2, get_observables(1))
+    assert lifted.dtype == np.float64
+    np.testing.assert_array_equal(lifted, lift(state.astype(np.float64), 2, get_observables(1)))

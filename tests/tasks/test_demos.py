@@ -6,7 +6,7 @@ import pytest
 from safetensors.numpy import save
 
 from tasks import demos, experts
-from tasks.data import Demos
+from tasks.data import Demos, UnclippedDemos, key
 from tasks.errors import InputError
 from tasks.simulator import Simulator, rollout
 
@@ -59,6 +59,7 @@ def test_raw_actions_are_the_clipped_ones_before_clipping(task, shipped):
     np.testing.assert_array_equal(np.clip(raw.actions, -1, 1), clipped.actions)
     np.testing.assert_array_equal(raw.states, clipped.states)
     assert np.abs(raw.actions).max() > 1
+    assert (type(raw), type(clipped)) == (UnclippedDemos, Demos)
 
 
 def test_recorded_actions_played_back_give_the_recorded_states(task, shipped):
@@ -128,6 +129,124 @@ def test_files_that_differ_in_their_ending_alone_are_both_read(task, shipped, tm
     demos.save_demos(made, files[1])
     found = [demos.load_demos(task, demos.adopt_demos(task, file)) for file in files]
     assert list(map(len, found)) == [5, 8]
+
+
+def write_file(path, made, **changes):
+    """Writes a file as `save_demos` does, with other arrays; its SHA-256 is right."""
+    arrays = {
+        "states": made.states,
+        "velocities": made.velocities,
+        "actions": made.actions,
+        "start_index": made.starts.index,
+        "start_values": made.starts.values,
+    }
+    data = save({name: array for name, array in (arrays | changes).items() if array is not None})
+    path.write_bytes(data)
+    path.with_name(f"{path.name}.sha256").write_text(hashlib.sha256(data).hexdigest())
+    return data
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_file_in_single_precision_is_learnt_from_in_double(task, shipped, tmp_path):
+    made = demos.load_demos(task)
+    write_file(tmp_path / "mine", made, states=made.states.astype(np.float32))
+    recipe = demos.adopt_demos(task, tmp_path / "mine")
+    found = demos.load_demos(task, recipe)
+    assert found.states.dtype == np.float64
+    np.testing.assert_array_equal(found.states, made.states.astype(np.float32))
+    assert demos.adopt_demos(task, tmp_path / "mine") == recipe
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_key_of_a_file_is_that_of_its_bytes(task, shipped, tmp_path):
+    demos.save_demos(demos.load_demos(task), tmp_path / "mine")
+    digest = hashlib.sha256((tmp_path / "mine").read_bytes()).hexdigest()
+    assert demos.adopt_demos(task, tmp_path / "mine") == key("demos file", digest)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize(
+    ("name", "change", "answer"),
+    [
+        ("states", lambda a: a.astype(np.complex64), "states of demonstrations must hold real"),
+        ("states", lambda a: np.where(a == a, np.nan, a), "must be finite, got nan"),
+        ("actions", lambda a: 50 * np.ones_like(a), r"must lie in \[-1, 1\], got 50"),
+        ("start_index", lambda a: a + 0.5, "must be whole numbers from 0"),
+        ("start_values", lambda a: a + 100, "allowed is"),
+        ("velocities", lambda a: a[:, :-1], "got shapes"),
+        ("states", lambda a: a[..., :-1], "in each demonstration, got"),
+        ("actions", lambda a: None, "holds no demonstrations: KeyError"),
+    ],
+)
+def test_what_a_file_must_not_hold_is_refused_with_its_name(
+    task, shipped, tmp_path, name, change, answer
+):
+    made = demos.load_demos(task)
+    starts = {"start_index": made.starts.index, "start_values": made.starts.values}
+    array = starts[name] if name in starts else getattr(made, name)
+    write_file(tmp_path / "mine.safetensors", made, **{name: change(array)})
+    with pytest.raises(InputError, match=answer) as refused:
+        demos.adopt_demos(task, tmp_path / "mine.safetensors")
+    assert str(refused.value).startswith(str(tmp_path / "mine.safetensors"))
+
+
+def refuse(*arguments, **options):
+    raise PermissionError(13, "Permission denied")
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("harm", ["cache is a file", "folder is a file", "no permission", "/proc"])
+def test_a_cache_that_cannot_be_written_to_is_refused_before_the_work(
+    task, shipped, tmp_path, monkeypatch, harm
+):
+    cache = tmp_path / "cache"
+    if harm == "cache is a file":
+        cache.touch()
+    elif harm == "folder is a file":
+        cache.mkdir()
+        (cache / "demos").touch()
+    elif harm == "/proc":
+        monkeypatch.setenv("BENCH_CACHE", "/proc/cache")
+        cache = "/proc/cache"
+    else:
+        monkeypatch.setattr("tasks.files.TemporaryFile", refuse)
+    monkeypatch.setattr(demos, "make_demos", pytest.fail)
+    with pytest.raises(InputError, match=rf"{cache}/demos'? cannot be .* set BENCH_CACHE"):
+        demos.load_demos(task)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_cache_that_can_only_be_read_is_read(task, shipped, monkeypatch):
+    made = demos.load_demos(task)
+    monkeypatch.setattr("tasks.files.TemporaryFile", refuse)
+    np.testing.assert_array_equal(demos.load_demos(task).states, made.states)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_cache_that_cannot_be_read_is_named(task, shipped):
+    demos.demos_path(task).mkdir(parents=True)
+    with pytest.raises(InputError, match=rf"{demos.demos_path(task)} cannot be read"):
+        demos.load_demos(task)
+
+
+def test_a_user_without_a_home_is_told_of_the_cache(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("BENCH_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(demos.Path, "home", homeless)
+    with pytest.raises(InputError, match=r"no home folder .* BENCH_CACHE"):
+        demos.cache_folder()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_demonstrations_that_cannot_be_written_leave_nothing(task, shipped, tmp_path, monkeypatch):
+    made = demos.load_demos(task)
+    monkeypatch.setattr("tasks.files.os.fsync", refuse)
+    with pytest.raises(PermissionError):
+        demos.save_demos(made, tmp_path / "new" / "mine")
+    assert not (tmp_path / "new").exists()
 
 
 def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):

@@ -2,6 +2,7 @@ import contextlib
 import json
 import os
 import pickle
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -225,6 +226,28 @@ def test_an_existing_folder_is_not_written_to(short, recorded, tmp_path):
     with pytest.raises(InputError, match="exists"):
         export_demos(short, recorded, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("name", ["set", "../set", "a/set"])
+def test_a_relative_folder_is_exported_to(short, recorded, tmp_path, monkeypatch, name):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    export_demos(short, recorded, Path(name))
+    assert import_demos(short, Path(name)).success.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_an_export_that_fails_leaves_nothing(short, recorded, tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("tasks.minari.MinariStorage.update_metadata", fail)
+        with pytest.raises(OSError, match="No space left"):
+            export_demos(short, recorded, tmp_path / "set")
+    assert list(tmp_path.iterdir()) == []
+    export_demos(short, recorded, tmp_path / "set")
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

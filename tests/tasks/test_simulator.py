@@ -180,6 +180,14 @@ def test_actions_of_another_shape_are_refused(task, shape):
         simulator.step(np.zeros(shape))
 
 
+@pytest.mark.parametrize("dtype", [complex, object, str])
+def test_actions_that_are_not_real_are_refused(dtype):
+    task = get_task("door")
+    simulator = Simulator(task, task.sample("test", 3))
+    with pytest.raises(InputError, match="actions of door must hold real numbers"):
+        simulator.step(np.zeros((3, task.layout.action_dim)).astype(dtype))
+
+
 def test_starts_are_checked_before_anything_runs(task):
     starts = task.sample("test", 3)
     with pytest.raises(InputError, match="at least one start"):

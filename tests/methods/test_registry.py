@@ -1,0 +1,161 @@
+"""Methods of packages: folders on the path, with what pip would have noted of them."""
+
+import importlib
+import json
+import sys
+
+import pytest
+
+from methods import registry
+from methods.registry import MethodError, get_method, method_names, unusable
+from tasks.errors import InputError
+
+METHOD = """
+from methods.kodex import Kodex
+
+class {0}(Kodex):
+    name = "{1}"
+"""
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Installs a package with some entry points, and its modules by name."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    made = []
+
+    def write(package, points, **modules):
+        noted = tmp_path / f"{package}-1.0.dist-info"
+        noted.mkdir()
+        (noted / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        (noted / "entry_points.txt").write_bytes(b"[bench.methods]\n" + points.encode("latin-1"))
+        for name, text in modules.items():
+            (tmp_path / f"{name}.py").write_text(text)
+            made.append(name)
+        importlib.invalidate_caches()
+        registry.get_method.cache_clear()
+
+    yield write
+    registry.get_method.cache_clear()
+    for name in made:
+        sys.modules.pop(name, None)
+
+
+def test_a_method_of_a_package_stands_beside_those_of_the_suite(install):
+    install("good", "good = good:Good", good=METHOD.format("Good", "good"))
+    assert method_names() == ["kodex", "nn", "lstm", "ndp", "ngf", "good"]
+    assert get_method("good").name == "good"
+    assert unusable() == {}
+
+
+@pytest.mark.parametrize(
+    "name", ["expert", "validation", "none", "bench", "random", "class", "w/o"]
+)
+def test_a_reserved_name_is_refused_with_its_package(install, bench, name):
+    install("evil", f"{name} = evil:Evil", evil=METHOD.format("Evil", name))
+    assert name not in method_names()
+    reason = unusable()[name]
+    for answer in ("evil brings a method", f"cannot be called '{name}'", "rename its entry point"):
+        assert answer in reason
+    with pytest.raises(MethodError) as refused:
+        get_method(name)
+    assert str(refused.value) == reason
+    for command in (("check", name), ("describe", name), ("run", "smoke", "--methods", name)):
+        code, _, error = bench(*command, *(["--out", "out"] * (command[0] == "run")))
+        assert (code, error) == (2, f"bench: {reason}\n")
+
+
+def test_a_package_does_not_replace_a_method_of_the_suite(install):
+    install("evil", "kodex = evil:Evil", evil=METHOD.format("Evil", "kodex"))
+    assert method_names().count("kodex") == 1
+    for variant in ("described", "set_1"):
+        with pytest.raises(MethodError, match="evil brings a method 'kodex', which this suite has"):
+            get_method("kodex", variant)
+    assert get_method("nn").name == "nn"
+
+
+def test_two_packages_with_one_name_are_both_named(install):
+    install("first", "same = first:Same", first=METHOD.format("Same", "same"))
+    install("second", "same = second:Same", second=METHOD.format("Same", "same"))
+    assert "same" not in method_names()
+    with pytest.raises(MethodError, match="first and second bring the same method 'same'"):
+        get_method("same")
+
+
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [
+        ("import nowhere", r"ModuleNotFoundError: No module named 'nowhere' \(broken.py:1\)"),
+        ("\nx = (", r"SyntaxError: .* \(broken.py:2\)"),
+        ("raise SystemExit(3)", r"SystemExit: 3 \(broken.py:1\)"),
+        ("raise KeyboardInterrupt", r"KeyboardInterrupt \(broken.py:1\)"),
+        ("{}['x']", r"KeyError: 'x' \(broken.py:1\)"),
+        ("x = 1", "AttributeError: module 'broken' has no attribute 'Broken'"),
+        (
+            "class E(BaseException):\n  def __str__(self): raise SystemExit\nraise E",
+            r"E: its message cannot be shown \(broken.py:3\)",
+        ),
+    ],
+)
+def test_a_method_that_cannot_be_imported_says_why_in_one_line(install, bench, text, answer):
+    install("evil", "broken = broken:Broken", broken=text)
+    with pytest.raises(
+        MethodError, match=rf"'broken' \(broken:Broken\) of evil cannot be imported: {answer};"
+    ):
+        get_method("broken")
+    code, said, error = bench("check", "broken")
+    assert (code, said, error.count("\n")) == (2, "", 1)
+    rows = json.loads(bench("doctor", "--json")[1])
+    (advice,) = [row["advice"] for row in rows if row["what"] == "method 'broken'"]
+    assert "cannot be imported" in advice
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "answer"),
+    [
+        ("bad:f", "def f(): pass", "used: it must be a subclass of MotionMethod or ActionMethod"),
+        ("bad:Bad", METHOD.format("Bad", "other"), "used: the class must have the name 'bad'"),
+        (
+            "bad:Bad",
+            METHOD.format("Bad", "bad") + "    sizes = {'w/o': 1}",
+            "used: a size cannot be",
+        ),
+        (
+            "bad:Bad",
+            METHOD.format("Bad", "bad") + "    sizes = ['one']",
+            "used: sizes must be a dict",
+        ),
+        (
+            "bad:Bad",
+            METHOD.format("Bad", "bad") + "    variants = {'a b': {}}",
+            "used: a variant cannot",
+        ),
+        ("not a value", "", "imported: AttributeError"),
+        ("nowhere:Bad", "", "imported: ModuleNotFoundError"),
+    ],
+)
+def test_what_is_no_method_of_that_name_is_refused(install, value, text, answer):
+    install("evil", f"bad = {value}", bad=text)
+    with pytest.raises(MethodError, match=rf"method 'bad' \({value}\) of evil cannot be {answer}"):
+        get_method("bad")
+
+
+def test_doctor_names_what_cannot_be_used(install, bench):
+    install("evil", "expert = evil:Evil", evil=METHOD.format("Evil", "expert"))
+    rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
+    assert rows["method 'expert'"]["found"] == "unusable"
+    assert "uninstall evil" in rows["method 'expert'"]["advice"]
+
+
+@pytest.mark.parametrize("points", ["nonsense", "\xff = a:b"])
+def test_entry_points_that_cannot_be_read_are_left_out(install, bench, points):
+    install("evil", points)
+    install("good", "good = good:Good", good=METHOD.format("Good", "good"))
+    assert method_names()[-1] == "good"
+    rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
+    assert "cannot be read" in rows["package 'evil'"]["advice"]
+
+
+def test_a_method_that_no_package_brings_is_answered_with_the_nearest():
+    with pytest.raises(InputError, match="did you mean 'kodex'"):
+        get_method("kodx")

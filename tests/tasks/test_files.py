@@ -1,0 +1,167 @@
+import os
+import stat
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tasks.errors import InputError
+from tasks.files import new_path, whole_file, whole_folder, writable_file, writable_folder
+
+FINDERS = [writable_folder, writable_file, new_path]
+
+
+def everything(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+@pytest.fixture
+def unwritable(tmp_path, monkeypatch):
+    """A folder that the machine lets nobody write to."""
+
+    def refuse(*arguments, **options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tasks.files.TemporaryFile", refuse)
+    return tmp_path
+
+
+@pytest.mark.parametrize("find", FINDERS)
+@pytest.mark.parametrize("name", ["new", "a/b/new"])
+def test_a_place_that_can_be_written_to_is_returned_as_found(tmp_path, find, name):
+    assert find(tmp_path / name) == tmp_path / name
+    assert everything(tmp_path) == []
+
+
+@pytest.mark.parametrize("find", FINDERS)
+def test_a_file_in_the_way_is_named(tmp_path, find):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=rf"{tmp_path}/file is no folder"):
+        find(tmp_path / "file" / "a" / "b")
+
+
+def test_a_link_to_nothing_is_in_the_way_of_a_folder(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    with pytest.raises(InputError, match="link is no folder"):
+        writable_folder(tmp_path / "link")
+
+
+@pytest.mark.parametrize("find", FINDERS)
+def test_a_place_without_permission_is_named(unwritable, find):
+    answer = rf"{unwritable}/?\w*' cannot be written to \(Permission denied\): choose another"
+    with pytest.raises(InputError, match=answer):
+        find(unwritable / "new")
+
+
+@pytest.mark.parametrize("find", FINDERS)
+@pytest.mark.parametrize("name", ["/proc/new/new", "x" * 300, "a\0b/c"])
+def test_a_place_that_cannot_be_is_refused(tmp_path, find, name):
+    with pytest.raises(InputError, match="cannot be written to"):
+        find(tmp_path / name)
+
+
+def test_a_folder_is_not_replaced_by_a_file(tmp_path):
+    with pytest.raises(InputError, match="is no file"):
+        writable_file(tmp_path)
+    with pytest.raises(InputError, match="is no file"):
+        writable_file(Path("/dev/null"))
+
+
+@pytest.mark.parametrize("make", [lambda path: path.touch(), lambda path: path.mkdir()])
+def test_what_is_there_is_no_new_path(tmp_path, make):
+    make(tmp_path / "old")
+    with pytest.raises(InputError, match="old exists already"):
+        new_path(tmp_path / "old")
+
+
+def test_a_whole_file_replaces_another(tmp_path):
+    target = tmp_path / "a" / "file.txt"
+    for text in ("first", "second"):
+        with whole_file(target) as path:
+            assert path.suffix == ".txt"
+            path.write_text(text)
+        assert target.read_text() == text
+    assert everything(tmp_path) == ["a", "a/file.txt"]
+
+
+def test_a_whole_file_has_the_permissions_of_any_other(tmp_path):
+    (tmp_path / "other").touch()
+    with whole_file(tmp_path / "file") as path:
+        path.write_text("text")
+    modes = {stat.S_IMODE(os.stat(tmp_path / name).st_mode) for name in ("file", "other")}
+    assert len(modes) == 1
+
+
+def test_a_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to("folder/file")
+    with whole_file(tmp_path / "link") as path:
+        path.write_text("text")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "folder" / "file").read_text() == "text"
+
+
+def test_a_file_behind_a_link_to_nothing_can_be_written(tmp_path):
+    (tmp_path / "link").symlink_to("nothing")
+    assert writable_file(tmp_path / "link") == tmp_path / "link"
+
+
+def fill(path):
+    (path / "data").mkdir()
+    (path / "data" / "file").write_text("text")
+
+
+def test_a_whole_folder_appears_at_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("plain", "a/b", "a/../up"):
+        target = Path(name)
+        with whole_folder(target) as path:
+            assert path.is_absolute()
+            fill(path)
+            assert not target.exists()
+        assert everything(target) == ["data", "data/file"]
+    with pytest.raises(InputError, match="plain exists already"), whole_folder(Path("plain")):
+        pass
+
+
+def interrupted(write, target, begin, error):
+    with write(target) as path:
+        begin(path)
+        raise error
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left"), KeyboardInterrupt(), SystemExit()])
+@pytest.mark.parametrize(
+    ("write", "begin"),
+    [(whole_file, lambda path: path.write_text("half")), (whole_folder, fill)],
+    ids=["file", "folder"],
+)
+def test_a_failure_leaves_nothing(tmp_path, write, begin, error):
+    (tmp_path / "there").mkdir()
+    with pytest.raises(type(error)):
+        interrupted(write, tmp_path / "there" / "a" / "b" / "new", begin, error)
+    assert everything(tmp_path) == ["there"]
+
+
+def test_a_failure_leaves_the_file_that_was_there(tmp_path):
+    (tmp_path / "old").write_text("old")
+    with pytest.raises(OSError, match="full"):
+        interrupted(
+            whole_file, tmp_path / "old", lambda path: path.write_text("half"), OSError("full")
+        )
+    assert (tmp_path / "old").read_text() == "old"
+    assert everything(tmp_path) == ["old"]
+
+
+@pytest.mark.parametrize(
+    ("write", "begin", "count"),
+    [(whole_file, lambda path: path.write_text("text"), 2), (whole_folder, fill, 4)],
+    ids=["file", "folder"],
+)
+def test_the_disk_has_everything_before_it_appears(tmp_path, monkeypatch, write, begin, count):
+    synced = []
+    monkeypatch.setattr("tasks.files.sync", partial(list.append, synced))
+    with write(tmp_path / "new") as path:
+        begin(path)
+    assert len(synced) == count
+    assert synced[-1] == tmp_path
