@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated
 
 import typer
@@ -16,20 +17,27 @@ def check(
     method: Annotated[str, typer.Argument(help="Name of a method, as `bench list` shows it.")],
     as_json: AsJson = False,
 ) -> None:
-    """Say rule by rule whether a method keeps the contract; exit code 3 unless it does."""
+    """Check rule by rule whether a method keeps the contract; exit code 3 unless it does."""
+    from bench.checking import ANOTHER_PROCESS, ASKS, check_apart
     from methods.checks import RULES
-    from methods.checks import check as check_method
-    from methods.registry import get_method
 
-    verdicts = []
-    for verdict in check_method(get_method(method)):
-        verdicts.append(verdict)
-        if not as_json:
-            mark = "ok" if verdict.passed else "BROKEN"
-            says = (RULES[verdict.rule].__doc__ or "").strip()
-            print(f"{mark:7}{verdict.rule}: {verdict.message or says}", flush=True)
+    began = perf_counter()
+    verdicts = check_apart(method)
     if as_json:
         print(json.dumps([asdict(verdict) for verdict in verdicts]))
+    else:
+        asks = {name: rule.__doc__ for name, rule in RULES.items()} | {ANOTHER_PROCESS: ASKS}
+        tried = [verdict for verdict in verdicts if verdict.tried]
+        for verdict in tried:
+            mark = "ok" if verdict.passed else "BROKEN"
+            print(
+                f"{mark:7}{verdict.rule}: {verdict.message or (asks[verdict.rule] or '').strip()}"
+            )
+        if len(tried) < len(verdicts):
+            print(f"{len(verdicts) - len(tried)} rules need what is broken and were not tried")
+        kept = sum(verdict.passed for verdict in verdicts)
+        seconds = perf_counter() - began
+        print(f"{method}: {kept} of {len(verdicts)} rules hold, {seconds:.0f} s")
     if not all(verdict.passed for verdict in verdicts):
         raise typer.Exit(SOME_FAILED)
 

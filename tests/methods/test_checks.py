@@ -1,7 +1,9 @@
 """`methods.checks` passes the suite's methods, and names the rule that a broken one breaks."""
 
+import os
 import random
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -171,8 +173,56 @@ class AnswersUnfitted(MotionMethod):
         return np.repeat(start[:, None], steps + 1, axis=1)
 
 
-class ShrinkingSizes(Kodex):
-    sizes = {"small": Kodex.sizes["single"], "large": Kodex.sizes["single"]}  # noqa: RUF012
+class WritesToStates(Kodex):
+    def rollout(self, start, steps):
+        motion = super().rollout(start, steps)
+        start[:] = 0
+        return motion
+
+
+class RaisesInFit(Kodex):
+    def fit(self, demos, validation, seed):
+        raise KeyError("learning_rate")
+
+
+class Exits(Kodex):
+    def fit(self, demos, validation, seed):
+        sys.exit(4)
+
+
+class ChangesFolder(Kodex):
+    def fit(self, demos, validation, seed):
+        super().fit(demos, validation, seed)
+        os.chdir("/")
+
+
+class Doubles(Kodex):
+    def fit(self, demos, validation, seed):
+        super().fit(demos, validation, seed)
+        torch.set_default_dtype(torch.float64)
+
+
+class Counts(Motions):
+    asked = 0
+
+    def spoil(self, motion):
+        self.asked += 1
+        motion[:, 1:] += self.asked
+        return motion
+
+
+class LearnsNothing(Kodex):
+    def parameters(self):
+        return {}
+
+
+class UnstorableDiagnostics(Kodex):
+    def diagnostics(self):
+        return {"kind": np.array(["text"])}
+
+
+class SizeWithASlash(Kodex):
+    sizes = {"w/o": Kodex.sizes["single"]}  # noqa: RUF012
 
 
 class Raises(Kodex):
@@ -183,8 +233,8 @@ class Raises(Kodex):
 @pytest.mark.parametrize(
     ("method", "rule", "message"),
     [
-        (WrongShape, "shapes", "allowed are"),
-        (SinglePrecisionList, "dtype", "the answer is a list"),
+        (WrongShape, "answers", "must return shape (8, 15, 5) or (8, 15, 3)"),
+        (SinglePrecisionList, "answers", "got list"),
         (NotANumber, "finite", "not finite"),
         (MovedStart, "begins_at_the_start", "away from its start"),
         (BatchDependent, "batch_invariance", "alone and together"),
@@ -192,16 +242,82 @@ class Raises(Kodex):
         (Nondeterministic, "same_seed_same_answer", "answer differently"),
         (FirstSeedForAll, "seeds_alone_or_together", "apart for seed 2"),
         (SeededInSecret, "one_answer_if_deterministic", "two seeds answer differently"),
-        (GlobalStream, "global_streams_untouched", "global random stream of torch"),
+        (GlobalStream, "process_untouched", "global random stream of torch"),
         (GlobalStream, "global_streams_unused", "depend on a global random stream"),
-        (SeedsGlobally, "global_streams_untouched", "global random stream of random"),
-        (WritesToItsInput, "inputs_untouched", "wrote to an array"),
+        (SeedsGlobally, "process_untouched", "global random stream of random"),
+        (WritesToItsInput, "fits", "wrote to the demonstrations"),
+        (WritesToStates, "states_untouched", "wrote to the states"),
         (ForgetsOnSave, "survives_storage", "once stored and loaded"),
         (AnswersUnfitted, "unfitted_raises", "was not fitted"),
-        (ShrinkingSizes, "sizes_grow", "do not grow"),
-        (Raises, "finite", "no motion today"),
+        (Raises, "answers", "ZeroDivisionError: no motion today (test_checks.py:"),
+        (RaisesInFit, "fits", "KeyError: 'learning_rate' (test_checks.py:"),
+        (Exits, "fits", "SystemExit: 4"),
+        (ChangesFolder, "process_untouched", "it changed the current folder"),
+        (Doubles, "process_untouched", "torch's default dtype"),
+        (Counts, "same_start_same_answer", "when it is asked again"),
+        (LearnsNothing, "fits", "parameters() is empty"),
+        (UnstorableDiagnostics, "fits", "diagnostics() holds 'kind'"),
+        (SizeWithASlash, "described", "a size cannot be called 'w/o'"),
     ],
 )
 def test_a_broken_method_breaks_the_right_rule(method, rule, message):
     broken = {verdict.rule: verdict.message for verdict in check(method) if not verdict.passed}
     assert message in broken[rule]
+
+
+@pytest.mark.parametrize(("method", "rule"), [(NotANumber, "finite"), (RaisesInFit, "fits")])
+def test_one_fault_breaks_one_rule(method, rule):
+    assert [v.rule for v in check(method) if v.tried and not v.passed] == [rule]
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A config with a field that follows from another."""
+
+    gain: float = 1.0
+    layers: tuple[tuple[int, ...], ...] = ((4, 2), (1,))
+    double: float = field(init=False, default=0.0)
+
+    def __post_init__(self):
+        object.__setattr__(self, "double", 2 * self.gain)
+
+
+class Nearest(Kodex):
+    """Stores demonstrations, as many for each size, and complex numbers as diagnostics."""
+
+    sizes = {"one": Derived(), "three": Derived(3.0)}  # noqa: RUF012
+    variants = {"described": {}}  # noqa: RUF012
+    default_size = {}  # noqa: RUF012
+    _states = None
+
+    def __init__(self, config, layout):
+        MotionMethod.__init__(self, config, layout)
+
+    def fit(self, demos, validation, seed):
+        if len(demos) < 3:
+            raise ValueError("three demonstrations are needed")
+        self._states = demos.states.copy()
+
+    def parameters(self):
+        if self._states is None:
+            raise NotFittedError("call fit or load")
+        return {"states": self._states, "count": np.array(3)}
+
+    def load(self, parameters):
+        assert parameters["count"].shape == ()
+        self._states = parameters["states"]
+        self._states += 0.0  # parameters are the method's own
+
+    def diagnostics(self):
+        return {"eigenvalues": np.linalg.eigvals(np.array([[0.0, 1.0], [-1.0, 0.0]]))}
+
+    def rollout(self, start, steps):
+        states = self.parameters()["states"]
+        apart = np.linalg.norm(start[:, None] - states[:, 0], axis=-1)
+        motion = states[apart.argmin(axis=1), : steps + 1].copy()
+        motion[:, 0] = start
+        return motion
+
+
+def test_a_method_whose_sizes_store_as_much_can_keep_every_rule():
+    assert [verdict for verdict in check(Nearest) if not verdict.passed] == []
