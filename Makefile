@@ -39,7 +39,7 @@ benchmark: install-dev ## Measure speed against peers, half an hour
 
 reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hours
 	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py \
-		tests/bench/test_fuzz.py --times 200 --timeout 0
+		tests/bench/test_fuzz.py tests/bench/test_hostile.py -m 'not release' --times 200 --timeout 0
 
 release: install-dev ## Build wheel and sdist and try each in an empty environment, minutes
 	$(BIN)/pytest tests/test_release.py -m release

@@ -7,13 +7,31 @@ import numpy as np
 
 from bench.isolation import Failure, Job, do_apart
 from methods.checks import Verdict, answer, check, learnt_toy, loaded_toy
-from methods.registry import get_method
+from methods.registry import SUITE, get_method, method_names, unknown_method
 from tasks.data import FloatArray
+from tasks.errors import InputError
 
 ANOTHER_PROCESS = "survives_another_process"
 ASKS = "What is stored and then loaded in another process gives the same answers."
 LIMIT = 600.0
 """Seconds for each process."""
+
+
+def import_apart(name: str) -> None:
+    """Imports a method in a process of its own, since the import may end the process.
+
+    Raises:
+        InputError: there is no such method, or it cannot be used.
+    """
+    if name in SUITE:
+        return
+    found = _apart(_import, name)
+    if isinstance(found, Failure):
+        raise InputError(f"method {name!r} cannot be used: {found.reason}")
+
+
+def _import(name: str) -> None:
+    get_method(name)
 
 
 def check_apart(name: str) -> list[Verdict]:
@@ -22,7 +40,9 @@ def check_apart(name: str) -> list[Verdict]:
     Raises:
         InputError: there is no such method, or it cannot be used.
     """
-    get_method(name)
+    if name not in method_names():
+        raise unknown_method(name)
+    import_apart(name)
     found = _apart(_rules, name)
     if isinstance(found, Failure):
         return [Verdict("ends", False, found.reason, 0.0)]

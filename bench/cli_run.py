@@ -45,7 +45,7 @@ def run(
     jobs: Jobs = None,
     backend: Annotated[str, typer.Option(help="loky, dask or another of joblib's.")] = "loky",
     scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
-    limit: Annotated[float | None, typer.Option(help="Minutes that a job may take.")] = None,
+    limit: Annotated[float, typer.Option(help="Minutes that a job may take.")] = 720,
 ) -> None:
     """Run a study; the same command again computes what is missing."""
     from bench.backend import Workers
@@ -57,9 +57,10 @@ def run(
     )
     writable_folder(out)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
-    seconds = None if limit is None else 60 * _positive("limit", limit)
+    if not 0 < limit < inf:
+        raise InputError(f"--limit must be above 0, and finite, got {limit}")
     try:
-        outcome = run_study(study, out, Workers(count, backend, scheduler, seconds))
+        outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
     except OSError as error:
         print(f"bench: {error}; what is stored is whole, the same command goes on", file=sys.stderr)
         raise typer.Exit(SOME_FAILED) from error
@@ -150,11 +151,10 @@ def _study(
 
         study = replace(study, tasks=_names("task", tasks, TASKS))
     if methods is not None:
-        from methods.registry import get_method, method_names
+        from methods.registry import method_names, unusable
 
-        for name in methods.split(","):
-            get_method(name)
-        study = replace(study, methods=_names("method", methods, method_names()))
+        known = dict.fromkeys([*method_names(), *unusable()])
+        study = replace(study, methods=_names("method", methods, known))
     if sizes is not None:
         study = replace(study, sizes=tuple(sizes.split(",")))
     if variants is not None:

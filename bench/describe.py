@@ -53,9 +53,11 @@ def _task(name: str) -> dict[str, Any]:
 
 
 def _method(name: str) -> dict[str, Any]:
+    from bench.checking import import_apart
     from methods.base import MotionMethod
     from methods.registry import get_method
 
+    import_apart(name)
     method = get_method(name)
     return {
         "name": name,

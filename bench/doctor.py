@@ -9,10 +9,11 @@ from typing import Any
 
 import joblib
 
+from bench.checking import import_apart
 from bench.commands import FAULTS
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
-from methods.registry import get_method, package_methods, unusable
+from methods.registry import package_methods, unusable
 from tasks.demos import cache_folder, demos_path, writable_cache
 from tasks.errors import InputError
 from tasks.experts import load_expert
@@ -49,7 +50,7 @@ def _brought() -> list[dict[str, Any]]:
     """What installed packages bring and cannot be used."""
     faults = {f"method {name!r}": fault for name, fault in unusable().items()}
     for name in package_methods():
-        faults[f"method {name!r}"] = _refusal(partial(get_method, name))
+        faults[f"method {name!r}"] = _refusal(partial(import_apart, name))
     faults |= {f"command {name!r}": fault for name, fault in FAULTS.items()}
     faults |= {
         f"package {name!r}": f"its entry points cannot be read ({reason}): uninstall or repair it"

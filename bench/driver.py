@@ -18,6 +18,7 @@ from typing import Any
 
 import joblib
 
+from bench.admission import admissions, guests
 from bench.backend import Call, Interrupts, Workers, answers, workers
 from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
 from bench.isolation import Failure
@@ -68,10 +69,12 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = recipes_of(study)
-    # The largest study there can be, so that what does not exist is refused before anything runs.
-    largest = cells_of(study, recipes)
+    if not guests(study.methods):
+        cells_of(study, recipes)  # what does not exist is refused before anything is made
     with _running(folder, where) as runner:
-        runner.store.check(largest)
+        study = runner.admitted(study)
+        # The largest study there can be, so that its refusals come before any work.
+        runner.store.check(cells_of(study, recipes))
         compared = first_wave(study, recipes)
         runner.compute(compared, study.note)
         chosen = chosen_sizes(study, runner.store.frame()) if compared else {}
@@ -126,6 +129,19 @@ class _Runner:
         self.progress, self.interrupts = progress, interrupts
         self.done = 0
         self.failed: dict[str, str] = {}
+
+    def admitted(self, study: Study) -> Study:
+        """Returns the study with the methods that can be used; the others have failed."""
+        names = guests(study.methods)
+        refused = set()
+        for index, answer in answers(admissions(study, names), self.where, self.interrupts):
+            if isinstance(answer.result, Failure):
+                self._fail(names[index], answer.result)
+                refused.add(names[index])
+            else:
+                self.store.clear_failure(names[index])
+        self.interrupts.check()
+        return replace(study, methods=tuple(n for n in study.methods if n not in refused))
 
     def compute(self, cells: Sequence[Cell], note: str) -> None:
         """Computes what is missing of the cells, but for what has failed in this run."""

@@ -17,7 +17,7 @@ from methods.base import ActionMethod, Method
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.demos import adopt_demos, demos_key, load_demos, split
-from tasks.errors import InputError, unknown_name
+from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL, PHYSICS, READINGS, VARIATIONS
 from tasks.registry import APPENDIX, JUDGED_OTHERWISE, PUBLISHED, get_task
 
@@ -208,11 +208,20 @@ def cells_of(study: Study, recipes: Recipes, chosen: Sizes | None = None) -> lis
     for name in study.episodes:
         if name not in EXPERIMENTS:
             raise unknown_name("experiment", name, EXPERIMENTS)
+    try:
+        return _cells_of(study, recipes, chosen or {})
+    except InputError:
+        raise
+    except Exception as error:  # a method of a package may refuse a setting in its own words
+        raise InputError(f"a method cannot be set up so: {described(error)}") from error
+
+
+def _cells_of(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
     _check_names(study)
     _check_settings(study)
     found: dict[tuple[str, str], Cell] = {}
     for name in study.episodes:
-        for cell in EXPERIMENTS[name](study, recipes, chosen or {}):
+        for cell in EXPERIMENTS[name](study, recipes, chosen):
             place = (cell.fit.key, cell.evaluation.name)
             known = found.get(place, cell)
             found[place] = max(known, cell, key=lambda other: other.episodes)
@@ -276,6 +285,17 @@ def _fits(
             for seed in (0,) if method.deterministic else study.seeds:
                 count = study.demos if demos is None else demos
                 yield Fit(task, name, variant, size, config, count, seed, recipes[task])
+
+
+def every_fit(study: Study, name: str) -> list[Fit]:
+    """Returns fits of a method at every size and in every variant, for the tasks of a study."""
+    method = get_method(name)
+    return [
+        fit
+        for task in study.tasks
+        for size in (_size(study, method, task, {}), *method.sizes)
+        for fit in _fits(study, task, name, size, recipes_of(study), list(method.variants))
+    ]
 
 
 def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bench.controller import ControllerConfig
-from methods.registry import method_names
+from methods.registry import SUITE
 from tasks.errors import unknown_name
 from tasks.registry import TASKS
 
@@ -17,7 +17,7 @@ class Study:
     episodes: Mapping[str, int]
     """Episodes of each evaluation, by experiment; an experiment that is not named is not run."""
     tasks: tuple[str, ...] = TASKS
-    methods: tuple[str, ...] = field(default_factory=lambda: tuple(method_names()))
+    methods: tuple[str, ...] = SUITE
     sizes: tuple[str, ...] | None = None
     """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method.
     Of a method that has none of them all are compared."""

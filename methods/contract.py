@@ -180,12 +180,12 @@ def actions(method: ActionMethod, state: FloatArray, t: int) -> FloatArray:
 
 
 def _floats(answer: Any, of: str, shapes: Sequence[tuple[int, ...]]) -> FloatArray:
-    if not isinstance(answer, np.ndarray) or answer.dtype.kind != "f":
+    if type(answer) is not np.ndarray or answer.dtype.kind != "f":
         raise ContractError(f"{of} must return a NumPy array of floats, got {_shown(answer)}")
     if answer.shape not in shapes:
         wanted = " or ".join(map(str, dict.fromkeys(shapes)))
         raise ContractError(f"{of} must return shape {wanted}, got {answer.shape}")
-    return np.array(answer, np.float64, order="C", subok=False)
+    return np.array(answer, np.float64, order="C")
 
 
 def _shown(value: Any) -> str:

@@ -16,6 +16,8 @@ from tasks.packages import entry_points_of, owners
 
 ENTRY_POINTS = "bench.methods"
 _CLASSES = {"kodex": "Kodex", "nn": "NN", "lstm": "LSTM", "ndp": "NDP", "ngf": "NGF"}
+SUITE = tuple(_CLASSES)
+"""The methods of this suite; those of packages take part where they are named."""
 _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
 """Variants whose network is another one."""
 
@@ -100,12 +102,15 @@ def _cure(packages: str) -> str:
 
 
 def _load(point: EntryPoint) -> type[Method]:
+    from methods.guard import guarded  # needs torch, which `bench list` does without
+
     package = owners([point])
     value = printable(lambda: point.value, "", 100)
     place, cure = f"method {point.name!r} ({value}) of {package}", f"repair or uninstall {package}"
     try:
-        found = point.load()
-        fault = _class_fault(found, point.name)
+        with guarded("import", point.name):
+            found = point.load()
+            fault = _class_fault(found, point.name)
     except BaseException as error:  # whatever a module raises: it may call sys.exit
         raise MethodError(f"{place} cannot be imported: {described(error)}; {cure}") from error
     if fault:

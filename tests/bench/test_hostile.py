@@ -1,0 +1,131 @@
+"""A package of methods with a vice each, beside methods of the suite, which must not notice."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from bench.store import Store
+
+PACKAGE = Path(__file__).parents[1] / "hostile"
+VICES = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]["entry-points"]
+METHODS = list(VICES["bench.methods"])
+FAILING = {
+    "aborts": "killed by SIGABRT",
+    "alarms": "killed by SIGALRM",
+    "asks": "EOFError",
+    "autos": "TypeError: can't multiply sequence",
+    "empties": "parameters() is empty",
+    "exits": "SystemExit: 4 (hostile.py:",
+    "expert": "cannot be called 'expert'",
+    "hangs": "minutes of --limit",
+    "hides": "SecretError: its message cannot be shown (hostile.py:",
+    "import_exits": "SystemExit: this module ends the program (hostile_exit.py:3)",
+    "import_leaves": "ended with exit code 0 before it answered",
+    "imports": "No module named 'no_such_module_anywhere' (hostile_import.py:1)",
+    "interrupts": "KeyboardInterrupt",
+    "kills": "killed by SIGKILL",
+    "lambdas": "cannot be stored",
+    "leaves": "ended with exit code 0 before it answered",
+    "lists": "must return a NumPy array of floats, got list",
+    "longs": "holds 'states', numpy.ndarray of float128",
+    "masks": "must return a NumPy array of floats, got numpy.ma.MaskedArray",
+    "metadata": "names an array '__metadata__'",
+    "objects": "numpy.ndarray of object",
+    "recurses": "RecursionError",
+    "shapes": "must return shape",
+    "slashes": "a size cannot be called 'w/o'",
+    "swells": "takes 4.0 GiB, allowed is 1",
+    "writes": "wrote to the demonstrations",
+}
+"""By method what its failure says; the others have sound results."""
+
+
+@pytest.fixture(scope="module")
+def command(tmp_path_factory):
+    """Runs `bench` with the package installed; returns the exit code and all that was printed."""
+    place = tmp_path_factory.mktemp("hostile")
+    package = shutil.copytree(PACKAGE, place / "package")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*pip, "--target", place / "site", package], check=True, capture_output=True)
+
+    def run(*words):
+        done = subprocess.run(
+            [sys.executable, "-c", "from bench.cli import main; main()", *map(str, words)],
+            env=os.environ | {"PYTHONPATH": str(place / "site")},
+            cwd=place,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        return done.returncode, done.stdout
+
+    return run
+
+
+def study(out, *methods):
+    chosen = ("--experiments", "success", "--methods", ",".join(methods), "--out", out)
+    return ("run", "smoke", *chosen, "--limit", "0.1")
+
+
+@pytest.fixture(scope="module")
+def clean(command, tmp_path_factory):
+    out = tmp_path_factory.mktemp("clean") / "results"
+    assert command(*study(out, "kodex", "nn"), "--jobs", "2")[0] == 0
+    return out
+
+
+PLACES = (("loky", 2), ("loky", 1), ("dask", 2))
+
+
+@pytest.mark.parametrize(
+    ("backend", "jobs"),
+    [PLACES[0], *(pytest.param(*place, marks=pytest.mark.long) for place in PLACES[1:])],
+)
+def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, jobs, files_of):
+    out = Path("results", backend, str(jobs))
+    code, said = command(*study(out, "kodex", "nn", *METHODS), "--jobs", jobs, "--backend", backend)
+    assert code == 3, said
+    out = next(Path(clean.parents[1]).glob(f"hostile*/{out}"))
+    beside, alone = files_of(out), files_of(clean)
+    assert alone.items() <= beside.items()
+    reasons = {one["label"]: one["reason"] for one in Store(out).failures()}
+    rows = Store(out).frame().query("split == 'test'").set_index("method")
+    for method in METHODS:
+        found = [text for label, text in reasons.items() if method in label.split("-")]
+        if method in FAILING:
+            assert FAILING[method] in " ".join(found), method
+            assert method == "expert" or method not in rows.index
+        else:
+            assert (found, rows.episodes[method]) == ([], 20), method
+    assert rows.diverged["nans"] == 20
+    assert "failed (" in command("status", out)[1]
+    assert command("report", out)[0] == 0
+    table = pd.read_csv(out / "report/tables/unseen.csv").set_index("row")
+    assert set(table.index) == {"kodex", "nn", "expert", *METHODS} - {*FAILING} | {"expert"}
+
+
+def test_check_survives_what_it_checks(command):
+    for method, reason in (("leaves", "exit code 0"), ("exits", "SystemExit: 4 (hostile.py:")):
+        code, said = command("check", method)
+        assert code == 3
+        assert reason in said
+        assert said.count("BROKEN") == 1
+    code, said = command("check", "derived")
+    assert (code, "17 of 17 rules hold" in said) == (0, True), said
+
+
+def test_a_method_that_cannot_be_used_is_named_by_every_command(command):
+    for name, reason in (("imports", "hostile_import.py:1"), ("import_leaves", "exit code 0")):
+        for word in ("describe", "check"):
+            code, said = command(word, name)
+            assert code == 2
+            assert reason in said
+    assert "derived" in command("list")[1]
+    assert "the suite itself uses the name" in command("doctor")[1]
