@@ -75,8 +75,8 @@ class Workers:
     """loky, dask, or the name under which another is registered with joblib."""
     scheduler: str | None = None
     """Address of a dask scheduler; a cluster of this machine's own unless told."""
-    limit: float | None = None
-    """Seconds after which a job fails, if any; not in this process, where nothing can end it."""
+    limit: float = 12 * 3600.0
+    """Seconds after which a job fails; not in this process, where nothing can end it."""
 
     def check(self) -> None:
         """Raises InputError if there is no such backend, or it cannot be used so."""
@@ -268,7 +268,7 @@ def _attempt_here(
     return index, Answer(do_here(name, job, arguments), perf_counter() - began)
 
 
-def _attempt(index: int, name: str, call: bytes, limit: float | None) -> tuple[int, Answer]:
+def _attempt(index: int, name: str, call: bytes, limit: float) -> tuple[int, Answer]:
     began = perf_counter()
     return index, Answer(pickle.loads(do_apart(name, call, limit)), perf_counter() - began)
 

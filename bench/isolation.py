@@ -67,13 +67,13 @@ def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
         return Failure(described(error), _printable(lines))
 
 
-def do_apart(name: str, call: bytes, limit: float | None) -> bytes:
+def do_apart(name: str, call: bytes, limit: float) -> bytes:
     """Returns the pickled result or `Failure` of a job that runs in a process of its own.
 
     Args:
         name: see `do_here`.
         call: the pickled job and its arguments.
-        limit: seconds after which the process is killed, if any.
+        limit: seconds after which the process is killed.
     """
     here, there = _context().Pipe(duplex=False)
     with NamedTemporaryFile(prefix="bench-printed-") as printed:
@@ -94,12 +94,12 @@ def do_apart(name: str, call: bytes, limit: float | None) -> bytes:
 
 
 def _answer(
-    here: Connection, process: multiprocessing.process.BaseProcess, limit: float | None
+    here: Connection, process: multiprocessing.process.BaseProcess, limit: float
 ) -> bytes | Failure:
     """What the process sends, or why it sends nothing."""
     ready = wait([here, process.sentinel], limit)
     if not ready:
-        return Failure(f"it took more than the {(limit or 0) / 60:g} minutes of --limit", "")
+        return Failure(f"it took more than the {limit / 60:g} minutes of --limit", "")
     with suppress(EOFError, OSError):
         if here.poll():
             return here.recv_bytes()

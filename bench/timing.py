@@ -2,15 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 
+from bench.backend import Call, Interrupts, answers, workers
 from bench.driver import training_demos, validation_demos
+from bench.isolation import Failure
 from bench.jobs import fit_job
 from bench.spec import EXPERT, VALIDATION, Fit
 from bench.store import Store
 from bench.verify import stored_fit
 from methods.kodex import LIFTING_VARIANTS
+from tasks.data import Demos
 
 REPEATS = 3
 EPOCHS_SHARE = 0.05
@@ -30,7 +35,9 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         InputError: there are no results, they are from other demonstrations than this installation
             makes, or another run writes to the folder.
     """
-    store = Store(folder)
+    from bench.backend import Workers
+
+    store, where = Store(folder), Workers(1)
     with store.locked():
         frame = store.frame()
         shown = frame[
@@ -41,24 +48,38 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         group = ["task", "method", "variant", "size", "demos"]
         firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
         missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
-        for row in missing:
-            fit = stored_fit(row)
-            seconds = [time_fit(fit) for _ in range(REPEATS)]
-            store.add_times(row, seconds)
-            report(f"{fit.label}: {median(seconds):.3g} s")
-    return len(missing)
+        timed = 0
+        calls = [partial(_call, row) for row in missing]
+        with workers(where), Interrupts() as interrupts:
+            for index, answer in answers(calls, where, interrupts):
+                label = stored_fit(missing[index]).label
+                if isinstance(answer.result, Failure):
+                    report(f"{label} cannot be timed: {answer.result.reason}")
+                else:
+                    store.add_times(missing[index], answer.result)
+                    report(f"{label}: {median(answer.result):.3g} s")
+                    timed += 1
+            interrupts.check()
+    return timed
 
 
-def time_fit(fit: Fit) -> float:
-    """Returns the seconds that a fit takes; of a network, from a share of its epochs.
+def _call(row: dict[str, Any]) -> Call:
+    fit = stored_fit(row)
+    arguments = (fit, training_demos(fit), validation_demos(fit))
+    return f"time {fit.label}", timing_job, arguments
 
-    Of a method with seeds it is a half of what two seeds take together: a network that is fitted
-    alone has company for the sake of its bits (see `methods.network`), which is no cost of its own.
+
+def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
+    """Returns the seconds that a fit takes, measured `REPEATS` times.
+
+    A network is timed over a share of its epochs. Of a method with seeds it is a half of what two
+    seeds take together: a network that is fitted alone has a copy of itself for company, for the
+    sake of its bits (see `methods.network`), which is no cost of its own.
     """
     seeds = [fit.seed] if fit.build().deterministic else [fit.seed, fit.seed + 1]
     epochs = fit.config.get("epochs", 1)
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
-    demos, validation = training_demos(fit), validation_demos(fit)
     fits = [replace(fit, config=config, seed=seed) for seed in seeds]
-    return fit_job(fits, demos, validation)[0].seconds * epochs / timed
+    measured = [fit_job(fits, demos, validation)[0].seconds for _ in range(REPEATS)]
+    return [seconds * epochs / timed for seconds in measured]
