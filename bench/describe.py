@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
+from bench.errors import described
 from tasks.base import SPLITS, Range, Task
 from tasks.errors import unknown_name
 from tasks.masses import NOMINAL, all_changes
@@ -64,21 +65,26 @@ def _method(name: str) -> dict[str, Any]:
         "sizes": {size: asdict(config) for size, config in method.sizes.items()},
         "default_size": dict(method.default_size),
         "variants": {variant: dict(changes) for variant, changes in method.variants.items()},
-        "parameters": {
-            size: {task: _parameters(method, config, task) for task in TASKS}
-            for size, config in method.sizes.items()
-        },
+        "parameters": {size: _parameters(method, config) for size, config in method.sizes.items()},
     }
 
 
-def _parameters(method: Any, config: Any, task: str) -> int:
-    """How many numbers a fit stores: found by fitting, as it can be of anybody's method."""
+def _parameters(method: Any, config: Any) -> dict[str, Any]:
+    """By task, how many numbers a fit stores; of a method that fails, ``unknown`` and why."""
+    try:
+        return {task: _count(method, config, task) for task in TASKS}
+    except Exception as error:
+        return dict.fromkeys(TASKS, "unknown") | {"reason": described(error)}
+
+
+def _count(method: Any, config: Any, task: str) -> int:
+    """Found by fitting, which works for third-party methods too."""
     from bench.plan import random_demos
     from methods.base import shortened
 
-    demos = random_demos(task)[:2]
+    training, validation = random_demos(task)
     fitted = method(shortened(config, 1), get_task(task).layout)
-    fitted.fit(demos, demos, 1)
+    fitted.fit(training, validation, 1)
     return sum(array.size for array in fitted.parameters().values())
 
 

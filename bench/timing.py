@@ -1,4 +1,4 @@
-"""How long fits take with the machine to themselves: never read off a run, whose jobs share it."""
+"""How long fits take, in CPU seconds, measured apart from a run, whose jobs share the caches."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -49,7 +49,7 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
 
 
 def time_fit(fit: Fit) -> float:
-    """Returns the seconds that a fit takes; of a network, from a share of its epochs.
+    """Returns the CPU seconds that a fit takes; of a network, from a share of its epochs.
 
     Of a method with seeds it is a half of what two seeds take together: a network that is fitted
     alone has company for the sake of its bits (see `methods.network`), which is no cost of its own.
