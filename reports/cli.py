@@ -26,7 +26,7 @@ def report(
     out: Annotated[Path | None, typer.Option(help="Else FOLDER/report, or ./report.")] = None,
     export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
 ) -> None:
-    """Write the tables, figures and page of stored results, or of those that are shipped."""
+    """Write tables, figures and page of stored or shipped results; exit code 3 if one fails."""
     from bench.store import episodes_table
     from reports.results import Results
     from reports.write import write_report
@@ -36,12 +36,14 @@ def report(
     results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()
-    written = write_report(results, place, source / "videos")
-    for path in written:
+    made = write_report(results, place, source / "videos")
+    for path in made.written:
         print(path.read_text())
     if export is not None:
         episodes_table(results.source).to_parquet(export, index=False)
-    print(f"{len(written)} exhibit(s) in {place}")
+    print(f"{len(made.written)} exhibit(s) in {place}")
+    if made.failed:
+        raise typer.Exit(SOME_FAILED)
 
 
 def pack(

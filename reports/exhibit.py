@@ -127,10 +127,13 @@ def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars as `bars` does, a panel for each kind of row "method kind".
 
-    A row without a kind, as the expert's, stands in each, beside what that kind has.
+    A row without a kind, as the expert's, stands in each, beside what that kind has. Where no row
+    has a kind, there is one panel.
     """
     names = table.row.str.split(" ", n=1, expand=True).reindex(columns=[0, 1])
     kinds = names[1].dropna().unique()
+    if not len(kinds):
+        return bars(table, exhibit)
     rows, columns = names[0].nunique(), table.column.nunique()
     drawing = Figure(
         figsize=(max(0.9 + 0.22 * rows * columns, 6), 2.2 * len(kinds)), layout="constrained"

@@ -15,7 +15,7 @@ from methods.base import Parameters
 from reports.reference import Beside, open_results
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered
-from tasks.data import BoolArray
+from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 from tasks.registry import APPENDIX
 
@@ -82,6 +82,33 @@ class Results:
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that the frame names."""
         return self.source.diagnostics(folder)
+
+    def eigenvalues(self, folder: str) -> FloatArray:
+        """Returns the real and imaginary parts (p, 2) of the eigenvalues that a fit has stored.
+
+        Raises:
+            InputError: it has stored none, or something else.
+        """
+        found = self._diagnostic(folder, "eigenvalues")
+        if found.ndim != 2 or found.shape[1] != 2 or not found.size or not np.isfinite(found).all():
+            raise InputError(
+                f"{folder} has stored eigenvalues of shape {found.shape}, not finite ones of (p, 2)"
+            )
+        return found
+
+    def imitation_error(self, folder: str) -> float:
+        """Returns the mean imitation error over joints that a fit has stored.
+
+        Raises:
+            InputError: it has stored none.
+        """
+        return float(self._diagnostic(folder, "imitation_error").mean())
+
+    def _diagnostic(self, folder: str, name: str) -> FloatArray:
+        found = self.diagnostics(folder)
+        if name not in found:
+            raise InputError(f"{folder} has stored no {name.replace('_', ' ')}")
+        return found[name]
 
     def controller_spec(self, key: str) -> dict[str, Any]:
         """Returns the fields of the controller with a key that the frame names."""

@@ -248,6 +248,17 @@ class TestInProcess:
         for ending in ("png", "pdf", "svg"):
             assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
 
+    def test_a_report_without_an_exhibit_that_fails_ends_with_exit_code_3(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        monkeypatch.setattr("reports.results.Results.diagnostics", lambda self, folder: {})
+        code, said, error = bench("report", str(tmp_path))
+        assert code == 3
+        assert "bench: left out: Table 12: largest eigenvalue magnitude: InputError: " in error
+        assert "has stored no eigenvalues" in error
+        assert "## Success on unseen starts" in said
+
     def test_packed_results_give_the_same_report(self, task, smoke, bench, tmp_path, files_of):
         out, small = tmp_path / "results", tmp_path / "small"
         bench("run", "smoke", "--out", str(out), "--jobs", "1")
