@@ -2,14 +2,18 @@
 
 import json
 import os
+import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bench.options import SOME_FAILED, AsJson, TaskName
 from tasks.errors import InputError
+
+if TYPE_CHECKING:
+    from reports.results import Results
 
 Beside = Annotated[
     bool, typer.Option("--with-reference", help="Shipped results of other methods beside them.")
@@ -41,6 +45,7 @@ def report(
         print(path.read_text())
     if export is not None:
         episodes_table(results.source).to_parquet(export, index=False)
+    _print_notes(results)
     print(f"{len(made.written)} exhibit(s) in {place}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
@@ -68,11 +73,21 @@ def compare(
     from reports.compare import compare as compare_methods
     from reports.results import Results
 
-    table = compare_methods(Results(folder, with_reference), methods.split(","))
+    results, names = Results(folder, with_reference), methods.split(",")
+    table = compare_methods(results, names)
     if as_json:
         print(table.to_json(orient="records"))
     else:
-        print(table.to_markdown(index=False, floatfmt=".3g"))
+        marked = {name: name + suffix for name, suffix in results.suffixes.items()}
+        shown = table.assign(left=table.left.replace(marked), right=table.right.replace(marked))
+        print(shown.to_markdown(index=False, floatfmt=".3g"))
+    _print_notes(results, as_json)
+
+
+def _print_notes(results: "Results", aside: bool = False) -> None:
+    """Prints what a reader must know; to stderr, beside what programs read."""
+    for note in results.notes:
+        print(note, file=sys.stderr if aside else sys.stdout)
 
 
 def verify(

@@ -59,4 +59,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=3,
     figure=figure,
+    of=("kodex",),
 )

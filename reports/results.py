@@ -13,6 +13,7 @@ from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
 from reports.reference import Beside, open_results
+from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered
 from tasks.data import BoolArray, FloatArray
@@ -56,10 +57,20 @@ class Results:
             "task", key=lambda names: names.map(places), kind="stable", ignore_index=True
         )
 
-    @cached_property
+    @property
     def notes(self) -> list[str]:
         """What a reader must know of the whole, such as a reduced protocol."""
         return self.source.notes()
+
+    @cached_property
+    def remarks(self) -> list[Remark]:
+        """What the captions of exhibits say of methods and controllers that they show."""
+        return remarks_on_the_expert(self.frame)
+
+    @cached_property
+    def suffixes(self) -> dict[str, str]:
+        """By method, what follows its name in tables and figures."""
+        return {EXPERT: OWN} if self.remarks else {}
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:

@@ -28,4 +28,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=0,
     axis="observables",
+    of=("kodex",),
 )

@@ -66,7 +66,7 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
     Raises:
         InputError: there are no results.
     """
-    known = exhibits()
+    known = [exhibit.with_remarks(results) for exhibit in exhibits()]
     tables, failed = _tables(results, known)
     written = []
     for exhibit in known:
@@ -94,7 +94,7 @@ def _tables(
 ) -> tuple[dict[str, pd.DataFrame], dict[str, str]]:
     """By name the tables of the exhibits that have results, and by title why others failed."""
     tables, failed = {}, {}
-    for exhibit in known if len(results.frame) else ():
+    for exhibit in known:
         try:
             table = exhibit.table(results)
         except Exception as error:

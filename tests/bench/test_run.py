@@ -14,7 +14,7 @@ from bench import run as run_from_python
 from bench.backend import Workers
 from bench.controller import ControllerConfig
 from bench.driver import run
-from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, recipes_of
+from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, learning_from, recipes_of
 from bench.merge import merge
 from bench.plan import schedule
 from bench.presets import get_preset
@@ -22,6 +22,8 @@ from bench.selection import best_size
 from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
+from reports.results import Results
+from reports.write import exhibits
 from tasks.demos import load_demos, save_demos
 from tasks.demos import record as record_demos
 from tasks.errors import InputError
@@ -393,6 +395,41 @@ class TestInProcess:
         rows = json.loads(bench("compare", str(out), "--with-reference", *pair)[1])
         assert [row["split"] for row in rows] == ["test", "ood"]
         assert json.loads(bench("compare", str(theirs), *pair)[1]) == rows
+
+    def test_the_expert_beside_demonstrations_of_a_file_is_said_to_be_the_suites_own(
+        self, task, smoke, bench, tmp_path
+    ):
+        file, out = tmp_path / "mine.safetensors", tmp_path / "results"
+        save_demos(load_demos(task)[:5], file)
+        run = ("run", "smoke", "--jobs", "1", "--out", str(out))
+        bench(*run, "--demos", str(file), "--experiments", "success")
+        note = "learnt from the demonstrations of mine.safetensors. The expert in the tables"
+        code, said, _ = bench("report", str(out))
+        assert code == 0
+        assert note in said
+        assert note in (out / "report/index.html").read_text()
+        assert "| Expert (suite's own) |" in said
+        caption = "On Door, the expert is the suite's own; the methods learnt from other demonst"
+        assert caption in (out / "report/tables/unseen.md").read_text()
+        assert caption not in (out / "report/tables/table_6.md").read_text()
+        said = bench("compare", str(out), "--methods", "kodex,expert")[1]
+        assert "| expert (suite's own) |" in said
+        assert note in said
+
+    def test_controllers_of_the_suites_expert_are_named_beside_demonstrations_of_a_file(
+        self, task, smoke, tmp_path
+    ):
+        file = tmp_path / "mine.safetensors"
+        save_demos(load_demos(task)[:5], file)
+        study = replace(get_preset("smoke"), tasks=("door",), episodes={"robustness": 3})
+        run(learning_from(study, file), tmp_path / "results", Workers(1))
+        results = Results(tmp_path / "results")
+        captions = {
+            exhibit.name: exhibit.with_remarks(results).caption(exhibit.table(results))
+            for exhibit in exhibits()
+        }
+        remark = "On Door, tuned and unclipped controllers learnt from the suite's expert"
+        assert {name for name, caption in captions.items() if remark in caption} == {"table_8"}
 
     def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path, monkeypatch):
         monkeypatch.setattr("reports.reference.SHIPPED", tmp_path / "nothing")
