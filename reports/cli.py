@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 Beside = Annotated[
     bool, typer.Option("--with-reference", help="Shipped results of other methods beside them.")
 ]
+Mixed = Annotated[
+    bool, typer.Option("--mixed", help="Show results that cannot be compared, and say why.")
+]
 
 
 def report(
@@ -26,7 +29,7 @@ def report(
     ] = None,
     reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
     with_reference: Beside = False,
-    mixed: Annotated[bool, typer.Option("--mixed", help="Fits of several versions, too.")] = False,
+    mixed: Mixed = False,
     out: Annotated[Path | None, typer.Option(help="Else FOLDER/report, or ./report.")] = None,
     export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
 ) -> None:
@@ -40,6 +43,8 @@ def report(
     results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()
+    if not reference:  # tests check the shipped results, and this would import torch
+        results.check_protocol(results.frame, mixed)
     made = write_report(results, place, source / "videos")
     for path in made.written:
         print(path.read_text())
@@ -67,13 +72,18 @@ def compare(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
     methods: Annotated[str, typer.Option(help="Two or more, comma-separated.")],
     with_reference: Beside = False,
+    mixed: Mixed = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare methods on the same starts: difference, 95% interval, p, and q of false discovery."""
     from reports.compare import compare as compare_methods
+    from reports.compare import compared
     from reports.results import Results
 
     results, names = Results(folder, with_reference), methods.split(",")
+    if not mixed and not with_reference:
+        results.check_versions()
+    results.check_protocol(compared(results, names), mixed)
     table = compare_methods(results, names)
     if as_json:
         print(table.to_json(orient="records"))

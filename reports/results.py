@@ -12,6 +12,7 @@ from bench.controller import AUDITED
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
+from reports.protocol import MARK, Unlike, differences
 from reports.reference import Beside, open_results
 from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
@@ -26,6 +27,9 @@ SIZES = ("small", "median", "large")
 class Results:
     """The results of a run."""
 
+    unlike: Unlike | None = None
+    """Rows that cannot be compared and are shown all the same."""
+
     def __init__(self, folder: Path, beside: bool = False) -> None:
         """Opens results.
 
@@ -36,6 +40,7 @@ class Results:
         Raises:
             InputError: see `reports.reference.Beside`.
         """
+        self.folder = folder
         self.source: Source = open_results(folder)
         if beside:
             self.source = Beside(self.source)
@@ -60,17 +65,19 @@ class Results:
     @property
     def notes(self) -> list[str]:
         """What a reader must know of the whole, such as a reduced protocol."""
-        return self.source.notes()
+        return self.source.notes() + (self.unlike.notes if self.unlike else [])
 
     @cached_property
     def remarks(self) -> list[Remark]:
         """What the captions of exhibits say of methods and controllers that they show."""
-        return remarks_on_the_expert(self.frame)
+        found = remarks_on_the_expert(self.frame)
+        return [*found, self.unlike.remark] if self.unlike else found
 
     @cached_property
     def suffixes(self) -> dict[str, str]:
         """By method, what follows its name in tables and figures."""
-        return {EXPERT: OWN} if self.remarks else {}
+        marked = dict.fromkeys(self.unlike.marked, MARK) if self.unlike else {}
+        return marked | ({EXPERT: OWN} if remarks_on_the_expert(self.frame) else {})
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
@@ -89,6 +96,27 @@ class Results:
                     f"the fits come from {library} {' and '.join(found)}, whose numbers need not"
                     " compare: give --mixed to show them all the same"
                 )
+
+    def check_protocol(self, rows: pd.DataFrame, mixed: bool = False) -> None:
+        """Checks that rows of the frame can be compared, see `reports.protocol.differences`.
+
+        Args:
+            rows: that are laid beside each other.
+            mixed: whether to show all the same those that cannot be compared; notes, captions and
+                names then say what differs.
+
+        Raises:
+            InputError: rows cannot be compared, and are not to be mixed.
+        """
+        experts = self.frame[self.frame.method == EXPERT]
+        found = differences(pd.concat([rows, experts]), self.controller_spec)
+        if found.empty:
+            return
+        shipped = self.source.methods if isinstance(self.source, Beside) else ()
+        unlike = Unlike(found, self.folder, shipped)
+        if not mixed:
+            raise unlike.refusal(rows)
+        self.unlike = unlike
 
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that the frame names."""

@@ -396,6 +396,55 @@ class TestInProcess:
         assert [row["split"] for row in rows] == ["test", "ood"]
         assert json.loads(bench("compare", str(theirs), *pair)[1]) == rows
 
+    def test_shipped_results_of_another_protocol_are_refused(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        out, theirs, small = tmp_path / "mine", tmp_path / "theirs", tmp_path / "small"
+        study = replace(get_preset("smoke"), methods=("nn",), settings={("nn", "epochs"): 1})
+        run(replace(study, controller=ControllerConfig(epochs=6)), theirs, Workers(1))
+        bench("run", "smoke", "--jobs", "1", "--out", str(out))
+        bench("pack", str(theirs), "--out", str(small))
+        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        pair = ("--methods", "kodex,nn")
+        report, compare = ("report", str(out)), ("compare", str(out), *pair)
+        command = f"--tasks door --methods kodex --out {out}-paper\n"
+        for words, experiments in ((report, "sizes,success,ood"), (compare, "success,ood")):
+            code, said, error = bench(*words, "--with-reference")
+            assert (code, said) == (2, "")
+            assert error.startswith(f"bench: {out} and the shipped results cannot be compared")
+            assert re.search(r"controller epochs +5 +6\n", error)
+            assert error.endswith(f"bench run paper --experiments {experiments} {command}")
+        code, said, _ = bench(*report, "--with-reference", "--mixed")
+        note = f"{out} (controller epochs 5); shipped (controller epochs 6)"
+        assert code == 0
+        assert "| KODex* |" in said
+        assert "An asterisk marks" in (out / "report/tables/unseen.md").read_text()
+        for place in (said, (out / "report/index.html").read_text()):
+            assert note in place
+        code, said, _ = bench(*compare, "--with-reference", "--mixed")
+        assert code == 0
+        assert "| kodex* |" in re.sub(" +", " ", said)
+        assert note in said
+        code, said, error = bench(*compare, "--with-reference", "--mixed", "--json")
+        assert {row["left"] for row in json.loads(said)} == {"kodex"}
+        assert note in error
+
+    def test_methods_of_one_folder_that_were_run_otherwise_are_refused(
+        self, task, smoke, bench, tmp_path
+    ):
+        file, out = tmp_path / "mine.safetensors", str(tmp_path / "results")
+        save_demos(load_demos(task)[:5], file)
+        options = ("run", "smoke", "--jobs", "1", "--out", out)
+        bench(*options, "--demos", str(file))
+        bench(*options, "--methods", "nn", "--set", "nn.epochs=1")
+        for words in (("report", out), ("compare", out, "--methods", "kodex,nn")):
+            code, _, error = bench(*words)
+            assert code == 2
+            assert error.startswith("bench: kodex and nn cannot be compared on door\n")
+            assert re.search(r"demos +3 +6\n +demos of +\w{8} +the expert\n", error)
+        assert bench("compare", out, "--methods", "kodex,expert")[0] == 0
+        assert "kodex (demos 3, demos of" in bench("report", out, "--mixed")[1]
+
     def test_the_expert_beside_demonstrations_of_a_file_is_said_to_be_the_suites_own(
         self, task, smoke, bench, tmp_path
     ):
