@@ -7,6 +7,7 @@ trained alike, and all methods trained for the same share of their own epochs.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -79,6 +80,7 @@ def _origin(recipe: str, own: str | None) -> str:
 
 def _controllers(learnt: pd.DataFrame, specs: Specs, own: Mapping[str, str]) -> Iterator[Setting]:
     """What the controllers of one name were trained with; nothing of a controller that is lost."""
+    specs = cache(specs)
     used = learnt[learnt.controller_key != ""]
     for one in used.drop_duplicates(["task", "method", "controller_key"]).itertuples():
         name = "controller" if one.controller == ORIGINAL else f"{one.controller} controller"
