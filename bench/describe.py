@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
-from tasks.errors import unknown_name
+from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL, all_changes
 from tasks.registry import TASKS, get_task
 
@@ -68,21 +68,34 @@ def _method(name: str) -> dict[str, Any]:
         "sizes": {size: asdict(config) for size, config in method.sizes.items()},
         "default_size": dict(method.default_size),
         "variants": {variant: dict(changes) for variant, changes in method.variants.items()},
-        "parameters": {
-            size: {task: _parameters(method, config, task) for task in TASKS}
-            for size, config in method.sizes.items()
-        },
+        "parameters": {size: _parameters(name, size) for size in method.sizes},
     }
 
 
-def _parameters(method: Any, config: Any, task: str) -> int:
-    """How many numbers a fit stores: found by fitting, as it can be of anybody's method."""
+def _parameters(name: str, size: str) -> dict[str, Any]:
+    """By task, how many numbers a fit stores; of a method that fails, ``unknown`` and why."""
+    from bench.isolation import apart
+    from methods.registry import SUITE
+
+    try:
+        if name in SUITE:
+            return {task: _count(name, size, task) for task in TASKS}
+        return {task: apart(_count, name, size, task) for task in TASKS}
+    except Exception as error:
+        reason = str(error) if isinstance(error, InputError) else described(error)
+        return dict.fromkeys(TASKS, "unknown") | {"reason": reason}
+
+
+def _count(name: str, size: str, task: str) -> int:
+    """Found by fitting, which works for any method."""
     from bench.plan import random_demos
     from methods.base import shortened
+    from methods.registry import get_method
 
-    demos = random_demos(task)[:2]
-    fitted = method(shortened(config, 1), get_task(task).layout)
-    fitted.fit(demos, demos, 1)
+    method = get_method(name)
+    training, validation = random_demos(task)
+    fitted = method(shortened(method.sizes[size], 1), get_task(task).layout)
+    fitted.fit(training, validation, 1)
     return sum(array.size for array in fitted.parameters().values())
 
 

@@ -46,7 +46,17 @@ def learning_from(study: Study, file: Path) -> Study:
     (name,) = study.tasks
     recipe = adopt_demos(get_task(name), file)
     training, _ = split(load_demos(get_task(name), recipe))
-    return replace(study, recipes={name: recipe}, demos=min(study.demos, len(training)))
+    note = (
+        f"On {name}, the methods and the original controller learnt from the demonstrations of"
+        f" {file.name}. The expert in the tables is the suite's own, not the demonstrator of that"
+        " file; tuned and unclipped controllers learnt from the suite's expert."
+    )
+    return replace(
+        study,
+        recipes={name: recipe},
+        demos=min(study.demos, len(training)),
+        note=f"{study.note} {note}".strip(),
+    )
 
 
 def sizes(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:

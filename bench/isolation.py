@@ -22,11 +22,14 @@ from tempfile import NamedTemporaryFile
 from typing import Any
 
 from methods.guard import guarded
-from tasks.errors import described
+from tasks.errors import InputError, described
 
 PRELOADED = ["bench.cli", "bench.driver", "methods.guard", "methods.network", "pandas"]
 SHOWN = 4000
 """Characters kept of what a job prints, the last ones, and of a traceback."""
+
+PATIENCE = 600.0
+"""Seconds for a job that a command waits for."""
 
 Job = Callable[..., Any]
 
@@ -67,6 +70,19 @@ def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
         return Failure(described(error), _printable(lines))
 
 
+def apart(job: Job, *arguments: Any) -> Any:
+    """Returns what a short job returns that runs in a process of its own.
+
+    Raises:
+        InputError: the job fails, or takes longer than `PATIENCE`; the message is the reason.
+    """
+    call = pickle.dumps((job, arguments))
+    found = pickle.loads(do_apart(f"{job.__name__} {arguments}", call, PATIENCE))
+    if isinstance(found, Failure):
+        raise InputError(found.reason)
+    return found
+
+
 def do_apart(name: str, call: bytes, limit: float) -> bytes:
     """Returns the pickled result or `Failure` of a job that runs in a process of its own.
 
@@ -99,7 +115,7 @@ def _answer(
     """What the process sends, or why it sends nothing."""
     ready = wait([here, process.sentinel], limit)
     if not ready:
-        return Failure(f"it took more than the {limit / 60:g} minutes of --limit", "")
+        return Failure(f"it took more than {limit / 60:g} minutes, the limit", "")
     with suppress(EOFError, OSError):
         if here.poll():
             return here.recv_bytes()

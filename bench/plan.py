@@ -2,29 +2,36 @@
 
 Costs are measured here and now, in a short calibration, and scaled to the whole: some of the
 expert's episodes of each task (a hand that rests touches nothing, and takes half the time), and for
-each method and size the fit of a few demonstrations for an epoch or two.
+each method and size the fit of a few demonstrations for an epoch or two. What is measured is CPU
+time, which other work on the machine does not add to.
 """
 
 import heapq
 import os
 import shutil
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from time import perf_counter
+from statistics import fmean
+from time import process_time
 
 import numpy as np
 
+from bench.admission import guests
+from bench.checking import import_apart
 from bench.controller import ControllerConfig, train_controller
 from bench.experiments import cells_of, recipes_of
+from bench.isolation import apart
 from bench.presets import Study
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
 from bench.store import Store
 from methods.base import shortened
+from methods.registry import SUITE
 from tasks import demos
 from tasks.data import Demos, Starts, generator
-from tasks.errors import InputError
+from tasks.errors import InputError, described
 from tasks.experts import load_expert
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import rollout
@@ -38,7 +45,7 @@ GIB_PER_JOB = 1.5
 DECIDED = {"relocation": 0.4, "reorientation": 0.55}
 """Share of its steps that an episode takes until it is decided, the mean over the shipped results;
 all of them in other tasks."""
-_DEMOS, _EPISODES = 16, 20
+_TRAINING, _VALIDATION, _EPISODES = 16, 4, 20
 """Size of the calibration."""
 
 
@@ -77,6 +84,7 @@ class Plan:
 
 def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     """Returns what a study will cost, given what its results folder already holds."""
+    study = _with_usable_methods(study)
     cells = cells_of(study, recipes_of(study))
     store = Store(folder)
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
@@ -87,7 +95,7 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     # A round begins when the one before has ended.
     rounds = [
         [controller_seconds(spec) for spec in tracking],
-        [fits_seconds(fits) for fits in seed_blocks(learning)],
+        blocks_seconds(seed_blocks(learning)),
         [count * episode_seconds(cells[i].evaluation) for i, count in episodes.items()],
     ]
     size = BYTES_PER_FIT * len(learning) + BYTES_PER_STEP * sum(
@@ -106,6 +114,17 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
         disk_gib=size / 2**30,
         free_gib=free_disk(folder)[1],
     )
+
+
+def _with_usable_methods(study: Study) -> Study:
+    usable = list(study.methods)
+    for name in guests(study.methods):
+        try:
+            import_apart(name)
+        except InputError as error:
+            print(f"bench: {error}; it is left out", file=sys.stderr)
+            usable.remove(name)
+    return replace(study, methods=tuple(usable))
 
 
 def schedule(seconds: Sequence[float], jobs: int) -> float:
@@ -146,7 +165,7 @@ def _validation_count(fit: Fit) -> int:
 
 # Calibration
 def episode_seconds(evaluation: Evaluation) -> float:
-    """Returns the seconds of one core that an episode takes, measured on a few of the expert's."""
+    """Returns the CPU seconds that an episode takes, measured on a few of the expert's."""
     decided = DECIDED.get(evaluation.task, 1.0) if evaluation.rule == APPENDIX else 1.0
     return decided * _whole_episode_seconds(evaluation.task, evaluation.rule)
 
@@ -155,13 +174,36 @@ def episode_seconds(evaluation: Evaluation) -> float:
 def _whole_episode_seconds(task_name: str, rule: str) -> float:
     task = get_task(task_name, rule)
     starts, expert = task.sample("train", _EPISODES), load_expert(task).policy
-    began = perf_counter()
+    began = process_time()
     rollout(task, starts, expert, chunk=_EPISODES, threads=1, whole=True)
-    return (perf_counter() - began) / _EPISODES
+    return (process_time() - began) / _EPISODES
+
+
+def blocks_seconds(blocks: Sequence[Sequence[Fit]]) -> list[float]:
+    """Returns the seconds of each block of fits, see `fits_seconds`.
+
+    Fits of a method that fails in the calibration cost the mean of the other fits; a line on stderr
+    says so.
+    """
+    known: dict[int, float] = {}
+    failed: dict[str, str] = {}
+    for index, fits in enumerate(blocks):
+        try:
+            known[index] = fits_seconds(fits)
+        except Exception as error:
+            failed.setdefault(fits[0].method, described(error))
+    mean = fmean(seconds / len(blocks[i]) for i, seconds in known.items()) if known else 0.0
+    price = "priced like the mean of the other fits" if known else "not counted"
+    for method, reason in failed.items():
+        print(f"bench: the calibration of {method} failed, {price}: {reason}", file=sys.stderr)
+    return [known.get(i, mean * len(fits)) for i, fits in enumerate(blocks)]
 
 
 def fits_seconds(fits: Sequence[Fit]) -> float:
-    """Returns the seconds of fits that differ in their seeds: per demonstration, and epoch."""
+    """Returns the CPU seconds of fits that differ in their seeds alone.
+
+    They grow in proportion to demonstrations and epochs.
+    """
     one = fits[0]
     unit = _unit_seconds(one.task, one.method, one.variant, one.size, len(fits))
     return unit * one.demos * float(one.config.get("epochs", 1))
@@ -169,19 +211,31 @@ def fits_seconds(fits: Sequence[Fit]) -> float:
 
 @cache
 def _unit_seconds(task_name: str, method: str, variant: str, size: str, seeds: int) -> float:
-    """The seconds of fits for each demonstration and epoch: of 16 demonstrations, two epochs."""
+    """The seconds of fits for each demonstration and epoch."""
+    if method in SUITE:
+        return _measured(task_name, method, variant, size, seeds)
+    return float(apart(_measured, task_name, method, variant, size, seeds))
+
+
+def _measured(task_name: str, method: str, variant: str, size: str, seeds: int) -> float:
+    """Fits 16 demonstrations for two epochs."""
     from methods.registry import get_method
 
     config = get_method(method, variant).sizes[size]
     config = replace(config, **get_method(method, variant).variants[variant])
     config = shortened(config, 2)
     epochs = getattr(config, "epochs", 1)
-    demos = random_demos(task_name)
+    training, validation = random_demos(task_name)
     layout = get_task(task_name).layout
     _warm_up()
-    began = perf_counter()
-    get_method(method, variant).fit_seeds(config, layout, demos, demos[:2], range(1, seeds + 1))
-    return (perf_counter() - began) / (epochs * len(demos))
+    began = process_time()
+    fitted = get_method(method, variant).fit_seeds(
+        config, layout, training, validation, range(1, seeds + 1)
+    )
+    seconds = process_time() - began
+    if len(fitted) != seeds:
+        raise InputError(f"fit_seeds returned {len(fitted)} methods for {seeds} seeds")
+    return seconds / (epochs * len(training))
 
 
 def controller_seconds(spec: ControllerSpec) -> float:
@@ -191,28 +245,30 @@ def controller_seconds(spec: ControllerSpec) -> float:
 
 @cache
 def _unit_controller_seconds(task_name: str) -> float:
-    demos = random_demos(task_name)
+    training, _ = random_demos(task_name)
     _warm_up()
-    began = perf_counter()
-    train_controller(ControllerConfig(epochs=2), demos, "calibration")
-    return (perf_counter() - began) / (2 * len(demos))
+    began = process_time()
+    train_controller(ControllerConfig(epochs=2), training, "calibration")
+    return (process_time() - began) / (2 * len(training))
 
 
 @cache
 def _warm_up() -> None:
     """Does what only the first training of a process costs: importing torch, finding memory."""
-    train_controller(ControllerConfig(epochs=1), random_demos("door"), "calibration")
+    train_controller(ControllerConfig(epochs=1), random_demos("door")[0], "calibration")
 
 
 @cache
-def random_demos(task_name: str) -> Demos:
-    """Returns a few made-up demonstrations of a task's dimensions and length."""
+def random_demos(task_name: str) -> tuple[Demos, Demos]:
+    """Returns made-up demonstrations of a task's dimensions and length: 16 to train on, and 4."""
     task = get_task(task_name)
     rng = generator("calibration", task_name)
-    shape = (_DEMOS, task.horizon)
+    count = _TRAINING + _VALIDATION
+    shape = (count, task.horizon)
     # Walks rather than noise, whose velocities would tear a second-order policy apart.
     states = rng.standard_normal((*shape, task.layout.state_dim)).cumsum(axis=1) / task.horizon
     velocities = states[:, :, : task.robot_dim]
-    actions = rng.uniform(-1, 1, (_DEMOS, task.steps, task.layout.action_dim))
-    starts = Starts(task_name, "demo", np.arange(_DEMOS), np.zeros((_DEMOS, 1)))
-    return Demos(starts, states, velocities, actions)
+    actions = rng.uniform(-1, 1, (count, task.steps, task.layout.action_dim))
+    starts = Starts(task_name, "demo", np.arange(count), np.zeros((count, 1)))
+    demos = Demos(starts, states, velocities, actions)
+    return demos[:_TRAINING], demos[_TRAINING:]

@@ -1,4 +1,4 @@
-"""How long fits take with the machine to themselves: never read off a run, whose jobs share it."""
+"""How long fits take, in CPU seconds, measured apart from a run, whose jobs share the caches."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -70,7 +70,7 @@ def _call(row: dict[str, Any]) -> Call:
 
 
 def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
-    """Returns the seconds that a fit takes, measured `REPEATS` times.
+    """Returns the CPU seconds that a fit takes, measured `REPEATS` times.
 
     A network is timed over a share of its epochs. Of a method with seeds it is a half of what two
     seeds take together: a network that is fitted alone has a copy of itself for company, for the

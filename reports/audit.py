@@ -17,9 +17,9 @@ def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and variant, and a column for each task."""
     frame = results.frame
     variants = [v for v in frame.variant.unique() if v == "described" or v not in SETS]
-    found = pd.concat([results.main(variant=v, split="test") for v in variants])
     unclipped = results.main(controller=UNCLIPPED, split="test")
-    found = pd.concat([found, unclipped.assign(variant=UNCLIPPED)])
+    parts = [results.main(variant=v, split="test") for v in variants]
+    found = pd.concat([*parts, unclipped.assign(variant=UNCLIPPED)])
     found = found[found.method != "expert"]
     if found.variant.nunique() < 2:
         return pd.DataFrame(columns=["row", "column", "value"])

@@ -6,11 +6,12 @@ hold for the printed numbers. In ours, a claim is
 
 - reproduced, if the whole interval of every contrast lies on the claimed side;
 - contradicted, if the whole interval of some contrast lies on the other side;
-- undecided else; not run, where results are missing.
+- undecided else; not run, where results are missing; failed, where they cannot be read.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -24,9 +25,11 @@ from reports.style import METHODS, TASKS, display
 from reports.table_11 import SETS
 from reports.table_12 import magnitudes
 from tasks.data import BoolArray
+from tasks.errors import described
 from tasks.masses import VARIATIONS
 
 ROBUSTNESS_TABLES = dict(zip(TASKS, (7, 8, 9, 10), strict=True))
+FAILED = "failed"
 SIMILAR = 5.0
 """Points of success within which two are called comparable, or about the same."""
 BASELINES = METHODS[2:]
@@ -280,7 +283,7 @@ def verdicts(results: Results) -> pd.DataFrame:
     """
     rows = []
     for claim in CLAIMS:
-        ours, evidence = _ours(claim, results)
+        ours, evidence = _attempted(partial(_ours, claim), results)
         rows.append(
             {
                 "claim": claim.name,
@@ -292,11 +295,19 @@ def verdicts(results: Results) -> pd.DataFrame:
             }
         )
     for name, (fact, source, paper) in FACTS.items():
-        verdict, evidence = fact(results)
+        verdict, evidence = _attempted(fact, results)
         says = (fact.__doc__ or "").strip()
         row = {"claim": name, "says": says, "source": source, "paper": paper}
         rows.append(row | {"ours": verdict, "evidence": evidence})
     return pd.DataFrame(rows)
+
+
+def _attempted(decide: Callable[[Results], tuple[str, str]], results: Results) -> tuple[str, str]:
+    """The verdict and its evidence; of a claim that cannot be decided for an error, that error."""
+    try:
+        return decide(results)
+    except Exception as error:
+        return FAILED, described(error)
 
 
 def _in_paper(claim: Claim) -> str:

@@ -2,9 +2,10 @@
 
 import json
 import os
+import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,8 +13,14 @@ from bench.options import SOME_FAILED, AsJson, TaskName
 from tasks.errors import InputError
 from tasks.files import whole_file, writable_file, writable_folder
 
+if TYPE_CHECKING:
+    from reports.results import Results
+
 Beside = Annotated[
     bool, typer.Option("--with-reference", help="Shipped results of other methods beside them.")
+]
+Mixed = Annotated[
+    bool, typer.Option("--mixed", help="Show results that cannot be compared, and say why.")
 ]
 
 
@@ -23,11 +30,11 @@ def report(
     ] = None,
     reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
     with_reference: Beside = False,
-    mixed: Annotated[bool, typer.Option("--mixed", help="Fits of several versions, too.")] = False,
+    mixed: Mixed = False,
     out: Annotated[Path | None, typer.Option(help="Else FOLDER/report, or ./report.")] = None,
     export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
 ) -> None:
-    """Write the tables, figures and page of stored results, or of those that are shipped."""
+    """Write tables, figures and page of stored or shipped results; exit code 3 if one fails."""
     from bench.store import episodes_table
     from reports.results import Results
     from reports.write import write_report
@@ -39,13 +46,18 @@ def report(
     results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()
-    written = write_report(results, place, source / "videos")
-    for path in written:
+    if not reference:  # tests check the shipped results, and this would import torch
+        results.check_protocol(results.frame, mixed)
+    made = write_report(results, place, source / "videos")
+    for path in made.written:
         print(path.read_text())
     if export is not None:
         with whole_file(export) as file:
             episodes_table(results.source).to_parquet(file, index=False)
-    print(f"{len(written)} exhibit(s) in {place}")
+    _print_notes(results)
+    print(f"{len(made.written)} exhibit(s) in {place}")
+    if made.failed:
+        raise typer.Exit(SOME_FAILED)
 
 
 def pack(
@@ -64,17 +76,32 @@ def compare(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
     methods: Annotated[str, typer.Option(help="Two or more, comma-separated.")],
     with_reference: Beside = False,
+    mixed: Mixed = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare methods on the same starts: difference, 95% interval, p, and q of false discovery."""
     from reports.compare import compare as compare_methods
+    from reports.compare import compared
     from reports.results import Results
 
-    table = compare_methods(Results(folder, with_reference), methods.split(","))
+    results, names = Results(folder, with_reference), methods.split(",")
+    if not mixed and not with_reference:
+        results.check_versions()
+    results.check_protocol(compared(results, names), mixed)
+    table = compare_methods(results, names)
     if as_json:
         print(table.to_json(orient="records"))
     else:
-        print(table.to_markdown(index=False, floatfmt=".3g"))
+        marked = {name: name + suffix for name, suffix in results.suffixes.items()}
+        shown = table.assign(left=table.left.replace(marked), right=table.right.replace(marked))
+        print(shown.to_markdown(index=False, floatfmt=".3g"))
+    _print_notes(results, as_json)
+
+
+def _print_notes(results: "Results", aside: bool = False) -> None:
+    """Prints what a reader must know; to stderr, beside what programs read."""
+    for note in results.notes:
+        print(note, file=sys.stderr if aside else sys.stdout)
 
 
 def verify(

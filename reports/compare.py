@@ -47,9 +47,23 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     return table.assign(q=false_discovery_control(table.p))
 
 
-def _success(results: Results, method: str, task: str, split: str) -> BoolArray | None:
+def compared(results: Results, methods: Sequence[str]) -> pd.DataFrame:
+    """Returns the evaluations of methods that `compare` lays beside each other."""
+    parts = [
+        results.main(method=method, split=split, controller=_controller(results, method))
+        for method in dict.fromkeys(methods)
+        for split in SPLITS
+    ]
+    return pd.concat(parts)
+
+
+def _controller(results: Results, method: str) -> str:
     controllers = results.select(method=method).controller.unique()
-    controller = "original" if "original" in controllers else "none"
+    return "original" if "original" in controllers else "none"
+
+
+def _success(results: Results, method: str, task: str, split: str) -> BoolArray | None:
+    controller = _controller(results, method)
     return results.success(method=method, task=task, split=split, controller=controller)
 
 

@@ -27,13 +27,13 @@ def in_rows(found: pd.DataFrame) -> pd.DataFrame:
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns one panel a task, one line a method, with intervals."""
-    drawing = draw_lines(table, exhibit.axis)
+    drawing = draw_lines(table, exhibit)
     for axes in drawing.axes:
         axes.set_ylim(0, 105)
     return drawing
 
 
-def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
+def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns one panel a task, one line a method, with intervals where there are any."""
     tasks = [task for task in TASKS if task in set(table.column)]
     lines, columns = -(-len(tasks) // 2), min(len(tasks), 2)
@@ -55,13 +55,13 @@ def draw_lines(table: pd.DataFrame, axis: str) -> Figure:
                 lw=1.2,
                 capsize=2,
                 color=colour(method, methods),
-                label=display(method),
+                label=exhibit.display(method),
             )
         axes.set(title=display(task), xscale="log")
         axes.set_xticks(counts, counts, fontsize=9)
         axes.minorticks_off()
     drawing.supxlabel("demonstrations", fontsize=10)
-    drawing.supylabel(axis, fontsize=10)
+    drawing.supylabel(exhibit.axis, fontsize=10)
     drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
     return drawing
 

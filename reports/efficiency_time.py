@@ -21,7 +21,7 @@ def table(results: Results) -> pd.DataFrame:
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns one panel a task, one line a method, times on a logarithmic axis."""
-    drawing = draw_lines(table, exhibit.axis)
+    drawing = draw_lines(table, exhibit)
     for axes in drawing.axes:
         axes.set_yscale("log")
     return drawing

@@ -1,8 +1,8 @@
 """An exhibit: a table of values by row and column, its figure and its caption."""
 
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reports.paper import published
+from reports.remarks import Remark
 from reports.results import Results
 from reports.style import PUBLISHED, TASKS, colour, display, hatch, ordered
 from tasks.data import FloatArray
@@ -38,6 +39,20 @@ class Exhibit:
     axis: str = "success [%]"
     figure: Callable[[pd.DataFrame, "Exhibit"], Figure] | None = None
     """Draws the table; bars by column and row unless told."""
+    of: tuple[str, ...] = ()
+    """The task or the method that all of it is about, where the table does not name it."""
+    remarks: tuple[Remark, ...] = ()
+    """Of the results that it is made from, see `with_remarks`."""
+    suffixes: Mapping[str, str] = field(default_factory=dict)
+    """By name of a method, what follows it."""
+
+    def with_remarks(self, results: Results) -> "Exhibit":
+        """Returns the exhibit with what its captions and names say of the results."""
+        return replace(self, remarks=tuple(results.remarks), suffixes=results.suffixes)
+
+    def display(self, name: str) -> str:
+        """Returns how a name is written for people."""
+        return display(name, self.suffixes)
 
     def draw(self, table: pd.DataFrame) -> Figure:
         """Returns the figure of a table."""
@@ -54,6 +69,9 @@ class Exhibit:
             said.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
         if "published" in table and table.published.notna().any():
             said.append("Diamonds, and numbers in parentheses, are the paper's.")
+        names = [*self.of, *(table[["row", "column"]].stack() if self.remarks else ())]
+        shown = {word for name in names for word in str(name).split(" ")}
+        said += [remark.text for remark in self.remarks if remark.concerns(shown)]
         return " ".join(said)
 
     def wide(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -62,8 +80,8 @@ class Exhibit:
         order = {name: texts[name].drop_duplicates().tolist() for name in ("row", "column")}
         wide = texts.pivot(index="row", columns="column", values="text")
         wide = wide.reindex(index=order["row"], columns=order["column"]).fillna("-")
-        wide.index = pd.Index([display(name) for name in wide.index], name="")
-        wide.columns = pd.Index([display(name) for name in wide.columns])
+        wide.index = pd.Index([self.display(name) for name in wide.index], name="")
+        wide.columns = pd.Index([self.display(name) for name in wide.columns])
         return wide.reset_index()
 
     def _text(self, row: dict[str, float]) -> str:
@@ -127,10 +145,13 @@ def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars as `bars` does, a panel for each kind of row "method kind".
 
-    A row without a kind, as the expert's, stands in each, beside what that kind has.
+    A row without a kind, as the expert's, stands in each, beside what that kind has. Where no row
+    has a kind, there is one panel.
     """
     names = table.row.str.split(" ", n=1, expand=True).reindex(columns=[0, 1])
     kinds = names[1].dropna().unique()
+    if not len(kinds):
+        return bars(table, exhibit)
     rows, columns = names[0].nunique(), table.column.nunique()
     drawing = Figure(
         figsize=(max(0.9 + 0.22 * rows * columns, 6), 2.2 * len(kinds)), layout="constrained"
@@ -141,7 +162,7 @@ def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         here = own | (names[1].isna() & table.column.isin(table.column[own]))
         part = table[here].assign(row=names[0][here])
         _add_bars(axes, part, exhibit, table.column.drop_duplicates().tolist())
-        axes.set_title(display(kind), fontsize=10, loc="left")
+        axes.set_title(exhibit.display(kind), fontsize=10, loc="left")
     every[0].legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
     return drawing
 
@@ -161,7 +182,7 @@ def _add_bars(
             0.92 * width,
             yerr=errors_of(part),
             capsize=2,
-            label=display(row),
+            label=exhibit.display(row),
             color=colour(row, rows),
             hatch=hatch(row, rows),
             edgecolor="white",
@@ -170,7 +191,7 @@ def _add_bars(
         if "published" in part and part.published.notna().any():
             label = "paper" if i == len(rows) - 1 else None
             axes.plot(x, part.published, "D", ms=4, color=PUBLISHED, mec="white", label=label)
-    axes.set_xticks(range(len(columns)), [_narrow(display(name)) for name in columns])
+    axes.set_xticks(range(len(columns)), [_narrow(exhibit.display(name)) for name in columns])
     axes.set(ylabel=exhibit.axis)
     if exhibit.unit == "%":
         axes.set_ylim(0, 105)

@@ -19,8 +19,8 @@ def table(results: Results) -> pd.DataFrame:
         found = results.main(method="kodex", variant=variant, split="test")
         success = results.rates(found, ["task"]).rename(columns={"task": "column"})
         rows += success.assign(row=f"{name}: success [%]").to_dict("records")
-        for one in found.itertuples():
-            error = float(results.diagnostics(one.folder)["imitation_error"].mean())
+        for one in found.drop_duplicates("task").itertuples():
+            error = results.imitation_error(one.folder)
             rows.append({"row": f"{name}: {ERROR}", "column": one.task, "value": error})
     return pd.DataFrame(rows, columns=["row", "column", "value", "low", "high", "n", "diverged"])
 
@@ -59,4 +59,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=3,
     figure=figure,
+    of=("kodex",),
 )

@@ -31,4 +31,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=2,
     axis="fit time [s]",
+    of=("kodex",),
 )

@@ -52,4 +52,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=0,
     figure=figure,
+    of=("kodex",),
 )

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -26,6 +27,7 @@ def render(
     claims: pd.DataFrame,
     figures: Path,
     films: Path | None = None,
+    failed: Mapping[str, str] | None = None,
 ) -> str:
     """Returns the page.
 
@@ -36,9 +38,12 @@ def render(
         claims: as `reports.claims.verdicts` gives them.
         figures: where the SVG files of the exhibits are.
         films: where the MP4 files of `bench video` are, if there are any.
+        failed: by title, why an exhibit or a claim could not be made.
     """
     shown = [exhibit for exhibit in exhibits if exhibit.name in tables]
-    missing = [exhibit.title for exhibit in exhibits if exhibit.name not in tables]
+    failed = failed or {}
+    left = (exhibit.title for exhibit in exhibits if exhibit.name not in tables)
+    missing = [title for title in left if title not in failed]
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True)
     return environment.get_template("page.html").render(
         title="Imitation policies on a dexterous hand",
@@ -48,6 +53,7 @@ def render(
         films=[_film(path) for path in sorted(films.glob("[!.]*.mp4"))] if films else [],
         claims=claims.to_dict("records"),
         missing=missing,
+        failed=failed,
         cells=f"{len(results.frame):,}",
         episodes=f"{int(results.frame.episodes.sum()) if len(results.frame) else 0:,}",
         provenance=json.dumps(results.provenance, indent=2),

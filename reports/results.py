@@ -12,10 +12,12 @@ from bench.controller import AUDITED
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
+from reports.protocol import MARK, Unlike, differences
 from reports.reference import Beside, open_results
+from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered
-from tasks.data import BoolArray
+from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 from tasks.registry import APPENDIX
 
@@ -24,6 +26,9 @@ SIZES = ("small", "median", "large")
 
 class Results:
     """The results of a run."""
+
+    unlike: Unlike | None = None
+    """Rows that cannot be compared and are shown all the same."""
 
     def __init__(self, folder: Path, beside: bool = False) -> None:
         """Opens results.
@@ -35,6 +40,7 @@ class Results:
         Raises:
             InputError: see `reports.reference.Beside`.
         """
+        self.folder = folder
         self.source: Source = open_results(folder)
         if beside:
             self.source = Beside(self.source)
@@ -56,10 +62,22 @@ class Results:
             "task", key=lambda names: names.map(places), kind="stable", ignore_index=True
         )
 
-    @cached_property
+    @property
     def notes(self) -> list[str]:
         """What a reader must know of the whole, such as a reduced protocol."""
-        return self.source.notes()
+        return self.source.notes() + (self.unlike.notes if self.unlike else [])
+
+    @cached_property
+    def remarks(self) -> list[Remark]:
+        """What the captions of exhibits say of methods and controllers that they show."""
+        found = remarks_on_the_expert(self.frame)
+        return [*found, self.unlike.remark] if self.unlike else found
+
+    @cached_property
+    def suffixes(self) -> dict[str, str]:
+        """By method, what follows its name in tables and figures."""
+        marked = dict.fromkeys(self.unlike.marked, MARK) if self.unlike else {}
+        return marked | ({EXPERT: OWN} if remarks_on_the_expert(self.frame) else {})
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
@@ -79,9 +97,57 @@ class Results:
                     " compare: give --mixed to show them all the same"
                 )
 
+    def check_protocol(self, rows: pd.DataFrame, mixed: bool = False) -> None:
+        """Checks that rows of the frame can be compared, see `reports.protocol.differences`.
+
+        Args:
+            rows: that are laid beside each other.
+            mixed: whether to show all the same those that cannot be compared; notes, captions and
+                names then say what differs.
+
+        Raises:
+            InputError: rows cannot be compared, and are not to be mixed.
+        """
+        experts = self.frame[self.frame.method == EXPERT]
+        found = differences(pd.concat([rows, experts]), self.controller_spec)
+        if found.empty:
+            return
+        shipped = self.source.methods if isinstance(self.source, Beside) else ()
+        unlike = Unlike(found, self.folder, shipped)
+        if not mixed:
+            raise unlike.refusal(rows)
+        self.unlike = unlike
+
     def diagnostics(self, folder: str) -> Parameters:
         """Returns the diagnostics of the fit in a folder that the frame names."""
         return self.source.diagnostics(folder)
+
+    def eigenvalues(self, folder: str) -> FloatArray:
+        """Returns the real and imaginary parts (p, 2) of the eigenvalues that a fit has stored.
+
+        Raises:
+            InputError: it has stored none, or something else.
+        """
+        found = self._diagnostic(folder, "eigenvalues")
+        if found.ndim != 2 or found.shape[1] != 2 or not found.size or not np.isfinite(found).all():
+            raise InputError(
+                f"{folder} has stored eigenvalues of shape {found.shape}, not finite ones of (p, 2)"
+            )
+        return found
+
+    def imitation_error(self, folder: str) -> float:
+        """Returns the mean imitation error over joints that a fit has stored.
+
+        Raises:
+            InputError: it has stored none.
+        """
+        return float(self._diagnostic(folder, "imitation_error").mean())
+
+    def _diagnostic(self, folder: str, name: str) -> FloatArray:
+        found = self.diagnostics(folder)
+        if name not in found:
+            raise InputError(f"{folder} has stored no {name.replace('_', ' ')}")
+        return found[name]
 
     def controller_spec(self, key: str) -> dict[str, Any]:
         """Returns the fields of the controller with a key that the frame names."""

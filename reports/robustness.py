@@ -37,4 +37,5 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
         ),
         table=table,
         figure=panels,
+        of=(task,),
     )

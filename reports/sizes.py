@@ -21,4 +21,5 @@ def size_exhibit(number: int, method: str) -> Exhibit:
         title=f"Table {number}: success of {display(method)} by size of model",
         about=f"Success [%] of {display(method)} from the starts of the validation demonstrations.",
         table=table,
+        of=(method,),
     )

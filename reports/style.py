@@ -1,6 +1,6 @@
 """How every figure looks: one colour and one hatch per method, legible in greyscale."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -29,9 +29,20 @@ _OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
 """Those of whatever else: sizes, tasks, methods of one's own."""
 
 
-def display(name: str) -> str:
-    """Returns how a name is written for people."""
-    return " ".join(NAMES.get(word, word) for word in str(name).replace("_", " ").split(" "))
+def display(name: str, suffixes: Mapping[str, str] | None = None) -> str:
+    """Returns how a name is written for people.
+
+    Args:
+        name: words, such as a method's and a controller's name.
+        suffixes: by word, what it is followed by.
+    """
+    suffixes = suffixes or {}
+    words = (_word(word) + suffixes.get(word, "") for word in str(name).split(" "))
+    return " ".join(words)
+
+
+def _word(name: str) -> str:
+    return " ".join(NAMES.get(part, part) for part in name.split("_"))
 
 
 def colour(row: str, rows: Sequence[str]) -> str:

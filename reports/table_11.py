@@ -14,7 +14,7 @@ def table(results: Results) -> pd.DataFrame:
     for variant, name in SETS.items():
         found = results.main(method="kodex", variant=variant)
         for task, part in found.groupby("task", sort=False):
-            values = results.diagnostics(part.folder.iloc[0])["eigenvalues"]
+            values = results.eigenvalues(part.folder.iloc[0])
             rows.append({"row": name, "column": task, "value": float(len(values))})
     table = pd.DataFrame(rows, columns=["row", "column", "value"])
     return with_published(table, "table_11")
@@ -28,4 +28,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=0,
     axis="observables",
+    of=("kodex",),
 )

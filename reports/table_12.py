@@ -10,10 +10,7 @@ from reports.results import Results
 def magnitudes(results: Results) -> dict[str, np.ndarray]:
     """Returns by task the magnitudes of the eigenvalues of K (p,), of KODex as described."""
     found = results.main(method="kodex").drop_duplicates("task")
-    return {
-        row.task: np.hypot(*results.diagnostics(row.folder)["eigenvalues"].T)
-        for row in found.itertuples()
-    }
+    return {row.task: np.hypot(*results.eigenvalues(row.folder).T) for row in found.itertuples()}
 
 
 def table(results: Results) -> pd.DataFrame:

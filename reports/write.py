@@ -1,15 +1,19 @@
 """Write exhibits: tables as CSV, Markdown and LaTeX, figures as PNG, PDF and SVG."""
 
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 import pandas as pd
 
-from reports.claims import verdicts
+from reports.claims import FAILED, verdicts
 from reports.exhibit import Exhibit
 from reports.page import render
 from reports.results import Results
 from reports.style import style
+from tasks.errors import described
 
 MODULES = (
     "unseen",
@@ -39,29 +43,88 @@ def exhibits() -> list[Exhibit]:
     return [import_module(f"reports.{name}").EXHIBIT for name in MODULES]
 
 
-def write_report(results: Results, folder: Path, films: Path | None = None) -> list[Path]:
-    """Writes every exhibit that there are results for; returns the Markdown tables' paths.
+@dataclass(frozen=True)
+class Report:
+    """What a report has become."""
+
+    written: list[Path]
+    """The Markdown tables of the exhibits, in the order of the page."""
+    failed: dict[str, str]
+    """By title, why an exhibit or a claim could not be made."""
+
+
+def write_report(results: Results, folder: Path, films: Path | None = None) -> Report:
+    """Writes every exhibit that there are results for.
+
+    An exhibit that fails is left out; stderr and the page say why.
 
     Args:
         results: of a run.
         folder: gets ``index.html``, ``tables/`` and ``figures/``.
         films: folder of `bench video`, whose films the page shows.
+
+    Raises:
+        InputError: there are no results.
     """
-    made = {exhibit.name: exhibit.table(results) for exhibit in exhibits()}
-    tables = {name: table for name, table in made.items() if len(table)}
+    known = [exhibit.with_remarks(results) for exhibit in exhibits()]
+    tables, failed = _tables(results, known)
     written = []
-    for exhibit in exhibits():
+    for exhibit in known:
+        _remove(exhibit, folder)
         if exhibit.name in tables:
-            written.append(_write_table(exhibit, tables[exhibit.name], folder / "tables"))
-            if exhibit.axis:
-                _write_figure(exhibit, tables[exhibit.name], folder / "figures")
+            try:
+                written.append(_write(exhibit, tables[exhibit.name], folder))
+            except Exception as error:
+                _remove(exhibit, folder)
+                del tables[exhibit.name]
+                failed[exhibit.title] = described(error)
     claims = verdicts(results)
-    claims.to_csv(folder / "tables" / "claims.csv", index=False)
-    lines = claims.drop(columns="claim").to_markdown(index=False)
-    (folder / "tables" / "claims.md").write_text(f"## Claims of the paper\n\n{lines}\n")
-    page = render(results, tables, exhibits(), claims, folder / "figures", films)
+    lost = claims[claims.ours == FAILED]
+    failed |= {f"claim {name}": why for name, why in zip(lost.claim, lost.evidence, strict=True)}
+    _write_claims(claims, folder / "tables")
+    page = render(results, tables, known, claims, folder / "figures", films, failed)
     (folder / "index.html").write_text(page)
-    return written
+    for title, reason in failed.items():
+        print(f"bench: left out: {title}: {reason}", file=sys.stderr)
+    return Report(written, failed)
+
+
+def _tables(
+    results: Results, known: Iterable[Exhibit]
+) -> tuple[dict[str, pd.DataFrame], dict[str, str]]:
+    """By name the tables of the exhibits that have results, and by title why others failed."""
+    tables, failed = {}, {}
+    for exhibit in known:
+        try:
+            table = exhibit.table(results)
+        except Exception as error:
+            failed[exhibit.title] = described(error)
+        else:
+            if len(table):
+                tables[exhibit.name] = table
+    return tables, failed
+
+
+def _write(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
+    path = _write_table(exhibit, table, folder / "tables")
+    if exhibit.axis:
+        _write_figure(exhibit, table, folder / "figures")
+    return path
+
+
+def _remove(exhibit: Exhibit, folder: Path) -> None:
+    """Removes what an earlier report has written of an exhibit."""
+    endings = {"tables": ("csv", "md", "tex"), "figures": _DATED}
+    for place, names in endings.items():
+        for ending in names:
+            (folder / place / f"{exhibit.name}.{ending}").unlink(missing_ok=True)
+
+
+def _write_claims(claims: pd.DataFrame, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    claims.to_csv(folder / "claims.csv", index=False)
+    lines = claims.drop(columns="claim").to_markdown(index=False)
+    (folder / "claims.md").write_text(f"## Claims of the paper\n\n{lines}\n")
 
 
 def _write_table(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:

@@ -23,7 +23,7 @@ FAILING = {
     "empties": "parameters() is empty",
     "exits": "SystemExit: 4 (hostile.py:",
     "expert": "cannot be called 'expert'",
-    "hangs": "minutes of --limit",
+    "hangs": "minutes, the limit",
     "hides": "SecretError: its message cannot be shown (hostile.py:",
     "import_exits": "SystemExit: this module ends the program (hostile_exit.py:3)",
     "import_leaves": "ended with exit code 0 before it answered",

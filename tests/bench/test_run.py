@@ -14,7 +14,7 @@ from bench import run as run_from_python
 from bench.backend import Workers
 from bench.controller import ControllerConfig
 from bench.driver import run
-from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, recipes_of
+from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, learning_from, recipes_of
 from bench.merge import merge
 from bench.plan import schedule
 from bench.presets import get_preset
@@ -22,6 +22,8 @@ from bench.selection import best_size
 from bench.store import Store
 from methods import registry
 from methods.kodex import Kodex
+from reports.results import Results
+from reports.write import exhibits
 from tasks.demos import load_demos, save_demos
 from tasks.demos import record as record_demos
 from tasks.errors import InputError
@@ -248,6 +250,17 @@ class TestInProcess:
         for ending in ("png", "pdf", "svg"):
             assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000
 
+    def test_a_report_without_an_exhibit_that_fails_ends_with_exit_code_3(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        monkeypatch.setattr("reports.results.Results.diagnostics", lambda self, folder: {})
+        code, said, error = bench("report", str(tmp_path))
+        assert code == 3
+        assert "bench: left out: Table 12: largest eigenvalue magnitude: InputError: " in error
+        assert "has stored no eigenvalues" in error
+        assert "## Success on unseen starts" in said
+
     def test_packed_results_give_the_same_report(self, task, smoke, bench, tmp_path, files_of):
         out, small = tmp_path / "results", tmp_path / "small"
         bench("run", "smoke", "--out", str(out), "--jobs", "1")
@@ -382,6 +395,90 @@ class TestInProcess:
         rows = json.loads(bench("compare", str(out), "--with-reference", *pair)[1])
         assert [row["split"] for row in rows] == ["test", "ood"]
         assert json.loads(bench("compare", str(theirs), *pair)[1]) == rows
+
+    def test_shipped_results_of_another_protocol_are_refused(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        out, theirs, small = tmp_path / "mine", tmp_path / "theirs", tmp_path / "small"
+        study = replace(get_preset("smoke"), methods=("nn",), settings={("nn", "epochs"): 1})
+        run(replace(study, controller=ControllerConfig(epochs=6)), theirs, Workers(1))
+        bench("run", "smoke", "--jobs", "1", "--out", str(out))
+        bench("pack", str(theirs), "--out", str(small))
+        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        pair = ("--methods", "kodex,nn")
+        report, compare = ("report", str(out)), ("compare", str(out), *pair)
+        command = f"--tasks door --methods kodex --out {out}-paper\n"
+        for words, experiments in ((report, "sizes,success,ood"), (compare, "success,ood")):
+            code, said, error = bench(*words, "--with-reference")
+            assert (code, said) == (2, "")
+            assert error.startswith(f"bench: {out} and the shipped results cannot be compared")
+            assert re.search(r"controller epochs +5 +6\n", error)
+            assert error.endswith(f"bench run paper --experiments {experiments} {command}")
+        code, said, _ = bench(*report, "--with-reference", "--mixed")
+        note = f"{out} (controller epochs 5); shipped (controller epochs 6)"
+        assert code == 0
+        assert "| KODex* |" in said
+        assert "An asterisk marks" in (out / "report/tables/unseen.md").read_text()
+        for place in (said, (out / "report/index.html").read_text()):
+            assert note in place
+        code, said, _ = bench(*compare, "--with-reference", "--mixed")
+        assert code == 0
+        assert "| kodex* |" in re.sub(" +", " ", said)
+        assert note in said
+        code, said, error = bench(*compare, "--with-reference", "--mixed", "--json")
+        assert {row["left"] for row in json.loads(said)} == {"kodex"}
+        assert note in error
+
+    def test_methods_of_one_folder_that_were_run_otherwise_are_refused(
+        self, task, smoke, bench, tmp_path
+    ):
+        file, out = tmp_path / "mine.safetensors", str(tmp_path / "results")
+        save_demos(load_demos(task)[:5], file)
+        options = ("run", "smoke", "--jobs", "1", "--out", out)
+        bench(*options, "--demos", str(file))
+        bench(*options, "--methods", "nn", "--set", "nn.epochs=1")
+        for words in (("report", out), ("compare", out, "--methods", "kodex,nn")):
+            code, _, error = bench(*words)
+            assert code == 2
+            assert error.startswith("bench: kodex and nn cannot be compared on door\n")
+            assert re.search(r"demos +3 +6\n +demos of +\w{8} +the expert\n", error)
+        assert bench("compare", out, "--methods", "kodex,expert")[0] == 0
+        assert "kodex (demos 3, demos of" in bench("report", out, "--mixed")[1]
+
+    def test_the_expert_beside_demonstrations_of_a_file_is_said_to_be_the_suites_own(
+        self, task, smoke, bench, tmp_path
+    ):
+        file, out = tmp_path / "mine.safetensors", tmp_path / "results"
+        save_demos(load_demos(task)[:5], file)
+        run = ("run", "smoke", "--jobs", "1", "--out", str(out))
+        bench(*run, "--demos", str(file), "--experiments", "success")
+        note = "learnt from the demonstrations of mine.safetensors. The expert in the tables"
+        code, said, _ = bench("report", str(out))
+        assert code == 0
+        assert note in said
+        assert note in (out / "report/index.html").read_text()
+        assert "| Expert (suite's own) |" in said
+        caption = "On Door, the expert is the suite's own; the methods learnt from other demonst"
+        assert caption in (out / "report/tables/unseen.md").read_text()
+        assert caption not in (out / "report/tables/table_6.md").read_text()
+        said = bench("compare", str(out), "--methods", "kodex,expert")[1]
+        assert "| expert (suite's own) |" in said
+        assert note in said
+
+    def test_controllers_of_the_suites_expert_are_named_beside_demonstrations_of_a_file(
+        self, task, smoke, tmp_path
+    ):
+        file = tmp_path / "mine.safetensors"
+        save_demos(load_demos(task)[:5], file)
+        study = replace(get_preset("smoke"), tasks=("door",), episodes={"robustness": 3})
+        run(learning_from(study, file), tmp_path / "results", Workers(1))
+        results = Results(tmp_path / "results")
+        captions = {
+            exhibit.name: exhibit.with_remarks(results).caption(exhibit.table(results))
+            for exhibit in exhibits()
+        }
+        remark = "On Door, tuned and unclipped controllers learnt from the suite's expert"
+        assert {name for name, caption in captions.items() if remark in caption} == {"table_8"}
 
     def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path, monkeypatch):
         monkeypatch.setattr("reports.reference.SHIPPED", tmp_path / "nothing")

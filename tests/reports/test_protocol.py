@@ -1,0 +1,183 @@
+"""Rows that differ in their protocol are refused, and those that do not are not."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from bench.experiments import cells_of
+from bench.presets import get_preset
+from methods import registry
+from reports.protocol import SHIPPED, Unlike, differences
+from reports.reference import SHIPPED as REFERENCE
+from reports.results import Results
+
+CONTROLLERS = {}
+"""By key, the fields of the controllers that `rows` has met."""
+
+
+def rows(preset, recipe="recipe", **values):
+    """The rows that a preset of Door gives."""
+    study = replace(get_preset(preset), tasks=("door",), **values)
+    found = []
+    for cell in cells_of(study, {"door": recipe}):
+        if cell.controller:
+            CONTROLLERS[cell.controller.key] = asdict(cell.controller)
+        found.append(asdict(cell.fit) | asdict(cell.evaluation))
+    frame = pd.DataFrame(found)
+    # The expert's demonstrations are those that presets learn from.
+    return frame.assign(recipe=frame.recipe.where(frame.method != "expert", "recipe"))
+
+
+def differing(*parts):
+    return differences(pd.concat(parts, ignore_index=True), CONTROLLERS.__getitem__)
+
+
+def refusal(*parts, shipped=()):
+    together = pd.concat(parts, ignore_index=True)
+    found = differences(together, CONTROLLERS.__getitem__)
+    return str(Unlike(found, Path("results/mine"), shipped).refusal(together))
+
+
+def test_the_shipped_results_can_be_compared():
+    results = Results(REFERENCE)
+    assert differences(results.frame, results.controller_spec).empty
+
+
+@pytest.mark.parametrize("preset", ["smoke", "quick", "paper"])
+def test_methods_of_one_run_can_be_compared(preset):
+    assert differing(rows(preset)).empty
+
+
+def test_a_smoke_run_beside_the_shipped_results_is_refused():
+    message = refusal(
+        rows("smoke", methods=("kodex", "nn"), episodes={"success": 20}),
+        rows("paper", methods=("ndp", "ngf")),
+        shipped=("ndp", "ngf"),
+    )
+    assert message.splitlines() == [
+        "results/mine and the shipped results cannot be compared on door",
+        "                      results/mine   shipped",
+        "  demos                         10       200",
+        "  controller epochs              5       300",
+        "  share of epochs               2%      100%",
+        "to see them all the same, give --mixed",
+        "get comparable rows: bench run paper --experiments success --tasks door"
+        " --methods kodex,nn --out results/mine-paper",
+    ]
+
+
+def test_two_methods_of_one_folder_are_named():
+    message = refusal(rows("smoke", methods=("kodex",)), rows("paper", methods=("nn",)))
+    first, heads, *_ = message.splitlines()
+    assert first == "kodex and nn cannot be compared on door"
+    assert heads.split() == ["kodex", "nn"]
+    assert message.endswith("--methods kodex,nn --out results/mine-paper")
+
+
+def test_a_method_that_was_run_in_two_ways_is_refused():
+    message = refusal(
+        rows("smoke", methods=("kodex",), episodes={"ood": 20}),
+        rows("paper", methods=("kodex",), episodes={"success": 20}),
+    )
+    assert message.startswith("kodex cannot be compared on door")
+    assert message.splitlines()[2].split() == ["demos", "10,", "200"]
+    assert "--experiments success,ood" in message
+
+
+def test_demonstrations_of_a_file_beside_the_experts_are_refused():
+    message = refusal(
+        rows("quick", "3f2a91c0 and more", methods=("kodex",)), rows("quick", methods=("nn",))
+    )
+    assert message.splitlines()[1:3] == [
+        "                kodex           nn",
+        "  demos of   3f2a91c0   the expert",
+    ]
+
+
+def test_shipped_methods_are_run_again_where_their_demonstrations_cannot_be_made_here():
+    mine = rows("paper", methods=("kodex",))
+    theirs = rows("paper", "of another MuJoCo", methods=("nn",))
+    message = refusal(mine, theirs[theirs.method != "expert"], shipped=("nn",))
+    assert "of anot" in message
+    assert message.endswith("--methods kodex,nn --out results/mine-paper")
+
+
+@pytest.mark.parametrize(
+    ("settings", "refused"),
+    [
+        ({}, False),
+        ({("nn", "epochs"): 100}, False),
+        ({("nn", "epochs"): 2000}, True),
+        ({("nn", "learning_rate"): 1e-2}, False),
+    ],
+)
+def test_epochs_are_compared_as_a_share_of_each_methods_own(settings, refused):
+    methods, episodes = ("nn", "ndp", "ngf"), {"success": 20}
+    found = differing(rows("paper", methods=methods, episodes=episodes, settings=settings))
+    assert (set(found.setting) == {"share of epochs"}) == refused
+    assert set(found[found.method == "nn"].value) == ({"2000%"} if refused else set())
+
+
+def test_runs_of_several_shares_are_told_apart_whatever_the_rounding():
+    parts = [rows("quick", methods=("nn", "ngf")), rows("paper", methods=("ndp", "lstm"))]
+    found = differing(*parts).set_index("method").value
+    assert found.to_dict() == {"nn": "10%", "ngf": "10%", "ndp": "100%", "lstm": "100%"}
+
+
+def test_a_method_that_is_not_installed_has_no_share():
+    gone = rows("quick", methods=("nn",)).replace({"method": {"nn": "gone"}})
+    assert differing(gone, rows("paper", methods=("ndp",))).empty
+
+
+def test_numbers_of_demonstrations_and_controllers_of_the_audit_may_differ():
+    experiments = {"success": 20, "efficiency": 20, "audit": 20, "robustness": 20}
+    assert differing(rows("paper", methods=("kodex", "ngf"), episodes=experiments)).empty
+
+
+def test_controllers_are_compared_by_name():
+    tuned = get_preset("paper").controller
+    other = replace(tuned, learning_rate=1e-3, hidden=(2,))
+    found = differing(
+        rows("paper", methods=("kodex",)), rows("paper", methods=("nn",), controller=other)
+    )
+    assert set(found.setting) == {"controller hidden", "controller learning rate"}
+
+
+def test_a_closed_loop_method_has_no_controller_to_compare():
+    own = rows("smoke", methods=("kodex",), demos=200).assign(
+        method="own", controller="none", controller_key=""
+    )
+    assert differing(own, rows("paper", methods=("nn",))).empty
+
+
+def test_mixed_results_mark_the_fewer_methods_and_say_what_differs():
+    frame = pd.concat([rows("smoke", methods=("kodex",)), rows("quick", methods=("nn", "ndp"))])
+    unlike = Unlike(differences(frame, CONTROLLERS.__getitem__), Path("results"))
+    assert unlike.marked == {"kodex"}
+    assert unlike.notes == [
+        "Rows that cannot be compared stand beside each other on Door: kodex (demos 10, controller"
+        " epochs 5); nn, ndp (demos 200, controller epochs 300). An asterisk marks the methods"
+        " that were run differently."
+    ]
+    frame = frame[frame.method != "ndp"]
+    unlike = Unlike(differences(frame, CONTROLLERS.__getitem__), Path("results"))
+    assert unlike.marked == {"kodex"}
+    assert SHIPPED not in unlike.notes[0]
+
+
+def test_mixed_results_mark_what_differs_from_the_shipped():
+    frame = pd.concat([rows("smoke", methods=("kodex", "nn")), rows("paper", methods=("ndp",))])
+    found = differences(frame, CONTROLLERS.__getitem__)
+    assert Unlike(found, Path("results"), ("ndp",)).marked == {"kodex", "nn"}
+    assert Unlike(found, Path("results")).marked == {"ndp"}
+
+
+def test_a_class_that_cannot_be_loaded_has_no_share(monkeypatch):
+    def broken(name, variant):
+        raise registry.InputError("cannot be imported")
+
+    frame = pd.concat([rows("quick", methods=("nn",)), rows("paper", methods=("ndp",))])
+    monkeypatch.setattr(registry, "get_method", broken)
+    assert differing(frame).empty

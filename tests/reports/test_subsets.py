@@ -1,0 +1,215 @@
+"""Reports of whatever subset of methods, tasks, experiments, sizes and seeds there is."""
+
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from bench.experiments import cells_of
+from bench.presets import get_preset
+from bench.spec import Evaluation
+from reports import stats, write
+from reports.results import Results
+from reports.write import exhibits, write_report
+from tasks.data import generator
+from tasks.masses import physics_names
+from tasks.registry import TASKS
+
+SUITE = ("expert", "kodex", "nn", "ndp")
+OWN = {
+    # By name: controller, sizes, seeds.
+    "mine": ("none", ("single",), (0,)),
+    "closed-loop": ("none", ("x large", "1_a", "small"), (3,)),
+    "own_motion": ("original", ("64",), (1, 2)),
+}
+"""Methods of other packages."""
+OF_DIAGNOSTICS = {"table_11", "table_12", "figure_6", "figure_7"}
+
+
+@cache
+def everything():
+    """All evaluations of the preset `paper`, of methods of the suite and of other packages."""
+    study = replace(get_preset("paper"), methods=SUITE[1:], seeds=(1, 2))
+    study = replace(study, episodes=dict.fromkeys(study.episodes, 12))
+    cells = cells_of(study, dict.fromkeys(TASKS, "recipe"))
+    rows = [
+        asdict(cell.fit) | asdict(cell.evaluation) | {"folder": f"{cell.fit.label}-{cell.fit.key}"}
+        for cell in cells
+    ]
+    rows += [row for name in OWN for row in rows_of(name)]
+    numbers = {"episodes": 12, "successes": 6, "diverged": 0}
+    return pd.DataFrame(rows).assign(**numbers, fit_seconds=generator("s").random(len(rows)))
+
+
+def rows_of(name):
+    controller, sizes, seeds = OWN[name]
+    for task in TASKS:
+        places = [Evaluation(task, split, controller=controller) for split in ("validation", "ood")]
+        places += [Evaluation(task, "test", p, controller) for p in physics_names(task)]
+        for size in sizes:
+            for demos in (10, 200):
+                for seed in seeds:
+                    label = f"{task}-{name}-{size}-{demos}-{seed}"
+                    fit = {"method": name, "variant": "described", "size": size, "config": {}}
+                    fit |= {"demos": demos, "seed": seed, "recipe": "recipe", "folder": label}
+                    yield from ({**fit, **asdict(place)} for place in places)
+
+
+class Subset(Results):
+    """Some of the evaluations, whose episodes are drawn at random."""
+
+    frame = pd.DataFrame()
+    provenance = ()
+
+    def __init__(self, frame, diverged=False, diagnostics="sound"):
+        self.frame, self.diverged, self.kind = frame, diverged, diagnostics
+        self.folder, self.source = Path("made up"), SimpleNamespace(notes=list)
+
+    def outcomes(self, row):
+        success = generator("subset", row["folder"]).random(row["episodes"]) < 0.5
+        diverged = success | self.diverged
+        return pd.DataFrame({"success": success & ~diverged, "diverged": diverged})
+
+    def controller_spec(self, key):
+        config = {"learning_rate": 1e-4, "epochs": 300}
+        return {"config": config, "demos": 10 if key < "8" else 200, "recipe": "recipe"}
+
+    def diagnostics(self, folder):
+        eigenvalues = 0.7 * generator(folder).standard_normal((50, 2))
+        return {
+            "sound": {"eigenvalues": eigenvalues, "imitation_error": np.ones(24)},
+            "missing": {},
+            "of odd shape": {"eigenvalues": eigenvalues[:, 0], "imitation_error": np.ones(())},
+            "empty": {"eigenvalues": eigenvalues[:0], "imitation_error": np.ones((1, 1))},
+            "not finite": {"eigenvalues": eigenvalues * np.inf, "imitation_error": np.ones(1)},
+        }[self.kind]
+
+
+def some(values):
+    """A subset of the values that is not empty."""
+    return st.sets(st.sampled_from(sorted(values)), min_size=1)
+
+
+@st.composite
+def subsets(draw):
+    frame = everything()
+    names = ("method", "variant", "size", "demos", "seed", "split", "physics", "controller")
+    kept = frame.task.isin(draw(st.sets(st.sampled_from(TASKS), min_size=1, max_size=2)))
+    for name in draw(st.lists(st.sampled_from(names), unique=True, min_size=1, max_size=3)):
+        kept &= frame[name].isin(draw(some(frame[name].unique())))
+    if draw(st.booleans()):
+        kept &= frame.index.to_series() % 7 == draw(st.integers(0, 6))
+    return frame[kept].reset_index(drop=True)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_resamples():
+    """Intervals of few resamples: what they say is not what these tests are about."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stats, "RESAMPLES", 20)
+        paired, mean = stats.paired_difference, stats.mean_over_tasks
+        patch.setattr("reports.claims.paired_difference", lambda *a: paired(*a, resamples=20))
+        patch.setattr("reports.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20))
+        yield
+
+
+@contextmanager
+def undrawn():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(write, "_write_figure", lambda *arguments: None)
+        yield
+
+
+def only(**values):
+    frame = everything()
+    for name, value in values.items():
+        frame = frame[frame[name] == value]
+    return frame.reset_index(drop=True)
+
+
+def check(made, folder):
+    assert made.failed == {}
+    page = (folder / "index.html").read_text()
+    shown = {path.stem for path in made.written}
+    for exhibit in exhibits():
+        assert (f'<section id="{exhibit.name}"' in page) == (exhibit.name in shown)
+        assert (folder / f"tables/{exhibit.name}.md").exists() == (exhibit.name in shown)
+
+
+@given(subsets().filter(len), st.booleans())
+@example(only(method="mine"), False)
+@example(only(method="mine", split="validation"), True)
+@example(only(variant="set_1"), False)
+@settings(max_examples=20)
+def test_every_subset_has_a_report(frame, diverged):
+    results = Subset(frame, diverged)
+    results.check_protocol(frame, mixed=True)
+    with undrawn(), TemporaryDirectory() as folder:
+        check(write_report(results, Path(folder)), Path(folder))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"method": "mine"},
+        {"method": "closed-loop", "task": "door"},
+        {"method": "own_motion", "seed": 2},
+        {"method": "expert"},
+        {"variant": "published"},
+        {"controller": "tuned"},
+        {"task": "tool", "size": "single"},
+    ],
+)
+def test_figures_of_a_subset_are_drawn(values, tmp_path, monkeypatch):
+    monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
+    made = write_report(Subset(only(**values), diverged="mine" in values.values()), tmp_path)
+    check(made, tmp_path)
+    names = {path.stem for path in made.written}
+    drawn = {e.name for e in exhibits() if e.axis and e.name in names}
+    assert {path.stem for path in tmp_path.glob("figures/*")} == drawn
+
+
+@pytest.mark.parametrize("kind", ["missing", "of odd shape", "empty", "not finite"])
+def test_diagnostics_that_cannot_be_read_take_down_their_own_exhibits_alone(kind, tmp_path, capsys):
+    with undrawn():
+        sound = write_report(Subset(only(task="door", method="kodex")), tmp_path)
+        made = write_report(Subset(only(task="door", method="kodex"), diagnostics=kind), tmp_path)
+    lost = {path.stem for path in sound.written} - {path.stem for path in made.written}
+    assert {"table_11", "table_12", "figure_7"} <= lost <= OF_DIAGNOSTICS
+    assert not any((tmp_path / f"tables/{name}.md").exists() for name in lost)
+    page, said = (tmp_path / "index.html").read_text(), capsys.readouterr().err
+    assert len(made.failed) >= len(lost)
+    for title, reason in made.failed.items():
+        assert f"bench: left out: {title}: {reason}\n" in said
+        assert f"Not shown, because it failed: {title}: " in page
+    assert "has stored" in reason
+
+
+@pytest.mark.parametrize("part", ["table", "figure"])
+def test_an_exhibit_that_fails_takes_no_other_down(part, tmp_path, monkeypatch, capsys):
+    def fail(*arguments):
+        raise ZeroDivisionError("no such luck")
+
+    monkeypatch.setattr(write, "MODULES", ("unseen", "figure_5"))
+    monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
+    results = Subset(only(method="mine"))
+    before = write_report(results, tmp_path)
+    assert (len(before.written), before.failed) == (2, {})
+    unseen, figure_5 = exhibits()
+    monkeypatch.setattr(write, "exhibits", lambda: [replace(unseen, **{part: fail}), figure_5])
+    made = write_report(results, tmp_path)
+    assert made.failed == {"Success on unseen starts": "ZeroDivisionError: no such luck"}
+    assert [path.stem for path in made.written] == ["figure_5"]
+    assert not list(tmp_path.rglob("unseen.*"))
+    assert "bench: left out: Success on unseen starts: Zero" in capsys.readouterr().err
+    page = (tmp_path / "index.html").read_text()
+    assert "Success on unseen starts: ZeroDivisionError: no such luck" in page
+    assert "<svg" in page
