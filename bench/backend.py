@@ -23,7 +23,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals import loky
 from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
-from bench.isolation import Failure, Job, Stop, do_apart, do_here
+from bench.isolation import Failure, Job, Stop, do_apart, do_here, start_server
 from tasks.errors import InputError, unknown_name
 
 TRIES = 3
@@ -276,6 +276,7 @@ def _attempt(index: int, name: str, call: bytes, limit: float) -> tuple[int, Ans
 def _prepare_worker() -> None:
     """Makes a worker of loky deaf to a terminal's Ctrl-C, and ends it with its run."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    start_server()
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
 
 

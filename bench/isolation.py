@@ -16,12 +16,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
 
-from methods.guard import guarded
 from tasks.errors import InputError, described
 
 PRELOADED = ["bench.cli", "bench.driver", "methods.guard", "methods.network", "pandas"]
@@ -60,6 +60,8 @@ def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
     Raises:
         Stop: the user asked for it.
     """
+    from methods.guard import guarded  # imports torch, which a worker never needs
+
     try:
         with guarded("job", name):
             return job(*arguments)
@@ -163,6 +165,12 @@ def _end_with_the_parent() -> None:
     if parent is not None:
         wait([parent.sentinel])
         os.killpg(0, signal.SIGKILL)
+
+
+def start_server() -> None:
+    """Starts what processes of jobs are forked from, and does not wait until it is ready."""
+    if _context().get_start_method() == "forkserver":
+        forkserver.ensure_running()
 
 
 @cache

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import sys
@@ -37,7 +36,7 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from tasks.errors import InputError
-from tasks.files import flush, from_bytes
+from tasks.files import flush, from_bytes, sync, writable_folder
 
 if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
     import pandas as pd
@@ -81,9 +80,9 @@ class Store:
         """Keeps other writers out, and clears away what an earlier one left unfinished.
 
         Raises:
-            InputError: another process writes to the folder.
+            InputError: another process writes to the folder, or it cannot be written to.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        writable_folder(self.folder).mkdir(parents=True, exist_ok=True)
         try:
             with FileLock(self.folder / ".lock", timeout=0):
                 shutil.rmtree(self.folder / ".unfinished", ignore_errors=True)
@@ -388,7 +387,7 @@ class Store:
             flush(temporary / name, content)
         folder.parent.mkdir(exist_ok=True)
         temporary.rename(folder)
-        _flush_folder(folder.parent)
+        sync(folder.parent)
 
     def write(self, path: Path, content: bytes) -> None:
         """Writes a file of the results folder, all of it or nothing."""
@@ -396,7 +395,7 @@ class Store:
         temporary.parent.mkdir(exist_ok=True)
         flush(temporary, content)
         temporary.replace(path)
-        _flush_folder(path.parent)
+        sync(path.parent)
 
     # Reading
     def _record(self, folder: Path, key: str | None = None) -> dict[str, Any] | None:
@@ -628,11 +627,3 @@ def _seal(content: bytes) -> bytes:
 
 def _digest(record: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
-
-
-def _flush_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

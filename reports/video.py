@@ -23,6 +23,7 @@ from reports.style import colour, display
 from tasks.base import Task
 from tasks.data import FloatArray, Starts
 from tasks.errors import InputError
+from tasks.files import whole_file
 from tasks.registry import get_task
 from tasks.simulator import Policy, Simulator, rollout
 
@@ -92,15 +93,13 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
     task = get_task(task_name)
     starts = task.sample("test", start + 1)[start:]
     takes = [take(folder, task, method, starts) for method in methods]
-    path.parent.mkdir(parents=True, exist_ok=True)
     size = (SIZE * len(takes), SIZE + BAR)
-    temporary = path.with_name(f".{path.name}")
-    writer = imageio_ffmpeg.write_frames(str(temporary), size, fps=RATE)
-    writer.send(None)
-    for frame in frames(takes):
-        writer.send(np.ascontiguousarray(frame))
-    writer.close()
-    temporary.replace(path)
+    with whole_file(path) as temporary:
+        writer = imageio_ffmpeg.write_frames(str(temporary), size, fps=RATE)
+        writer.send(None)
+        for frame in frames(takes):
+            writer.send(np.ascontiguousarray(frame))
+        writer.close()
 
 
 def telling(folder: Path, task_name: str, method: str) -> dict[str, int]:

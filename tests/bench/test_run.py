@@ -166,7 +166,7 @@ class TestInProcess:
             raise OSError("full")
 
         run(get_preset("smoke"), tmp_path / "whole", Workers(1, "sequential"))
-        monkeypatch.setattr("bench.store.os.fsync", fail)
+        monkeypatch.setattr("os.fsync", fail)
         with pytest.raises(OSError, match="full"):
             merge([tmp_path / "whole"], tmp_path / "out")
         assert not (tmp_path / "out/cells").exists()
