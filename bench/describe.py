@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
-from tasks.errors import InputError, described, unknown_name
+from tasks.errors import reason_of, unknown_name
 from tasks.masses import NOMINAL, all_changes
 from tasks.registry import TASKS, get_task
 
@@ -82,8 +82,7 @@ def _parameters(name: str, size: str) -> dict[str, Any]:
             return {task: _count(name, size, task) for task in TASKS}
         return {task: apart(_count, name, size, task) for task in TASKS}
     except Exception as error:
-        reason = str(error) if isinstance(error, InputError) else described(error)
-        return dict.fromkeys(TASKS, "unknown") | {"reason": reason}
+        return dict.fromkeys(TASKS, "unknown") | {"reason": reason_of(error)}
 
 
 def _count(name: str, size: str, task: str) -> int:

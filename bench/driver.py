@@ -94,8 +94,8 @@ def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
 def _running(folder: Path, where: Workers) -> "Iterator[_Runner]":
     store = Store(folder)
     with (
-        workers(where),
         store.locked(),
+        workers(where),
         Progress(where.jobs) as progress,
         Interrupts() as interrupts,
     ):

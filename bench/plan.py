@@ -31,7 +31,7 @@ from methods.base import shortened
 from methods.registry import SUITE
 from tasks import demos
 from tasks.data import Demos, Starts, generator
-from tasks.errors import InputError, described
+from tasks.errors import InputError, reason_of
 from tasks.experts import load_expert
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import rollout
@@ -191,7 +191,7 @@ def blocks_seconds(blocks: Sequence[Sequence[Fit]]) -> list[float]:
         try:
             known[index] = fits_seconds(fits)
         except Exception as error:
-            failed.setdefault(fits[0].method, described(error))
+            failed.setdefault(fits[0].method, reason_of(error))
     mean = fmean(seconds / len(blocks[i]) for i, seconds in known.items()) if known else 0.0
     price = "priced like the mean of the other fits" if known else "not counted"
     for method, reason in failed.items():

@@ -36,9 +36,8 @@ def described(error: BaseException) -> str:
 
     For example ``KeyError: 'x' (mine.py:53 in fit)``. The place is the innermost frame outside
     importlib, unless that merely called importlib, and of a SyntaxError the line that cannot be
-    parsed. Characters that cannot be
-    printed are escaped. The line has at most `LONGEST` characters. Never raises, whatever the
-    error's own methods do.
+    parsed. Characters that cannot be printed are escaped. The line has at most `LONGEST`
+    characters. Never raises, whatever the error's own methods do.
     """
     kind = printable(lambda: type(error).__name__, "error", 100)
     place = printable(lambda: _place(error), "", _LONGEST_PLACE)
@@ -46,6 +45,11 @@ def described(error: BaseException) -> str:
     left = LONGEST - len(kind) - len(place) - 2
     message = printable(lambda: _message(error), "its message cannot be shown", left)
     return f"{kind}: {message}{place}" if message else f"{kind}{place}"
+
+
+def reason_of(error: Exception) -> str:
+    """Returns the message of an InputError, which says it all, and any other error `described`."""
+    return str(error) if isinstance(error, InputError) else described(error)
 
 
 def printable(text: Callable[[], str], otherwise: str, longest: int) -> str:

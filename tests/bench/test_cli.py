@@ -8,6 +8,7 @@ import pytest
 from bench.experiments import EXPERIMENTS
 from bench.presets import PRESETS
 from bench.store import Store
+from reports.write import Report
 from tasks.masses import physics_names
 from tasks.registry import TASKS, get_task
 
@@ -178,7 +179,7 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     bench, tmp_path, monkeypatch, command, where
 ):
     monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
-    monkeypatch.setattr("bench.driver.run", pytest.fail)
+    monkeypatch.setattr("bench.driver._Runner", pytest.fail)
     monkeypatch.setattr("tasks.demos.load_demos", pytest.fail)
     (tmp_path / "file").write_text("mine")
     out = {"file": tmp_path / "file", "below a file": tmp_path / "file" / "out"}.get(where, where)
@@ -210,7 +211,7 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
 
     (tmp_path / "file").write_text("old")
     monkeypatch.setattr("pandas.DataFrame.to_parquet", fail)
-    monkeypatch.setattr("reports.write.write_report", lambda *arguments: [])
+    monkeypatch.setattr("reports.write.write_report", lambda *arguments: Report([], []))
     with pytest.raises(OSError, match="No space left"):
         bench(
             "report",

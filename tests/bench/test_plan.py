@@ -8,7 +8,7 @@ from typing import ClassVar
 import pytest
 
 from bench import plan
-from bench.driver import fit_job
+from bench.jobs import fit_job
 from bench.spec import Evaluation, Fit
 from methods import registry
 from methods.base import MotionMethod
@@ -72,7 +72,10 @@ METHODS = {method.name: method for method in (Raises, Choosy, Nonsense, Kodex, N
 
 @pytest.fixture
 def brought(monkeypatch):
-    """Methods of other packages beside KODex and NN."""
+    """Methods of other packages beside KODex and NN, called in this process."""
+    monkeypatch.setattr(registry, "SUITE", tuple(METHODS))
+    monkeypatch.setattr(plan, "SUITE", tuple(METHODS))
+    monkeypatch.setattr("bench.checking.SUITE", tuple(METHODS))
     monkeypatch.setattr(registry, "get_method", lambda name, variant="described": METHODS[name])
     monkeypatch.setattr(registry, "method_names", lambda: list(METHODS))
     plan._unit_seconds.cache_clear()
@@ -117,8 +120,7 @@ def price_of_a_controller():
 
 
 def time_of_a_fit():
-    (_, _, seconds), *_ = fit_job(block("kodex"), *plan.random_demos("door"))
-    return seconds
+    return fit_job(block("kodex"), *plan.random_demos("door"))[0].seconds
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -143,12 +145,13 @@ def test_a_method_that_fails_in_the_calibration_costs_the_mean_of_the_others(bro
     kodex, raises, nn, nonsense = plan.blocks_seconds(blocks)
     mean = (kodex + nn / 2) / 2
     assert (raises, nonsense) == (pytest.approx(mean), pytest.approx(2 * mean))
-    assert capsys.readouterr().err.splitlines() == [
-        "bench: the calibration of raises failed, priced like the mean of the other fits:"
-        " ZeroDivisionError: no such luck",
-        "bench: the calibration of nonsense failed, priced like the mean of the other fits:"
-        " InputError: fit_seeds returned 7 methods for 2 seeds",
-    ]
+    like = "failed, priced like the mean of the other fits:"
+    first, second = capsys.readouterr().err.splitlines()
+    reason = r"ZeroDivisionError: no such luck\nat all (test_plan.py:"
+    assert first.startswith(f"bench: the calibration of raises {like} {reason}")
+    assert second == (
+        f"bench: the calibration of nonsense {like} fit_seeds returned 7 methods for 2 seeds"
+    )
 
 
 def test_a_method_that_needs_three_demonstrations_is_priced(brought, capsys):
@@ -173,7 +176,8 @@ def test_numbers_of_a_method_that_fails_are_unknown(brought, bench, name, reason
     assert code == 0
     sizes = json.loads(said)["parameters"]
     tasks = ("tool", "door", "relocation", "reorientation")
-    assert sizes == {"one": dict.fromkeys(tasks, "unknown") | {"reason": reason}}
+    assert sizes["one"].pop("reason").startswith(reason)
+    assert sizes == {"one": dict.fromkeys(tasks, "unknown")}
     assert "unknown" in bench("describe", name)[1]
 
 
