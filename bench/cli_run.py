@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from math import inf
 from pathlib import Path
@@ -55,6 +56,7 @@ def run(
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
+    _warn_of_namesakes(study.methods)
     count = default_jobs() if jobs is None else _positive("jobs", jobs)
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
@@ -165,6 +167,14 @@ def _study(
 
         study = learning_from(study, demos)
     return replace(study, settings=_settings(settings or []))
+
+
+def _warn_of_namesakes(methods: Sequence[str]) -> None:
+    from methods.registry import SUITE, unusable
+
+    for name, fault in unusable().items():
+        if name in SUITE and name in methods:
+            print(f"bench: {fault}; the suite's own is used", file=sys.stderr)
 
 
 def _names(kind: str, text: str, known: Any) -> tuple[str, ...]:

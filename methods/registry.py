@@ -39,8 +39,8 @@ def package_methods() -> list[str]:
 def unusable() -> dict[str, str]:
     """Returns by name why a method that packages bring cannot be used; nothing is imported.
 
-    A method of the suite is among them if a package brings another of the same name, since it
-    would not be known which one results are of.
+    A name of the suite is among them if a package brings a method of that name: the suite's own is
+    used.
     """
     found = {name: _fault(name, points) for name, points in _brought().items()}
     return {name: fault for name, fault in found.items() if fault}
@@ -62,7 +62,7 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
         MethodError: a package brings it, and it cannot be used.
         InputError: there is no such method.
     """
-    if name in unusable() or name not in method_names():
+    if name not in method_names():
         raise unknown_method(name)
     if (name, variant) in _VARIANTS:
         module, class_name = _VARIANTS[name, variant]

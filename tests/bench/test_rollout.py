@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bench.rollout import FeedbackPolicy, TrackedMotion
-from tasks.errors import InputError
+from methods.contract import ContractError
 from tasks.registry import get_task
 from tasks.simulator import Simulator
 
@@ -28,7 +28,8 @@ class Answering:
 @pytest.mark.parametrize("dtype", [complex, object, str])
 def test_answers_of_a_method_that_are_not_real_are_refused(dtype):
     simulator, method = Simulator(DOOR, DOOR.sample("test", 2)), Answering(dtype)
-    with pytest.raises(InputError, match="actions of Answering must hold real numbers"):
+    method.layout = DOOR.layout
+    with pytest.raises(ContractError, match="act must return a NumPy array of floats"):
         FeedbackPolicy(method).act(simulator, 0)
-    with pytest.raises(InputError, match="motions of Answering must hold real numbers"):
+    with pytest.raises(ContractError, match="rollout must return a NumPy array of floats"):
         TrackedMotion(method, None).reset(simulator)

@@ -385,3 +385,12 @@ def test_weights_are_drawn_as_torch_draws_them():
     assert arrays["layer.weight"].shape == (400, 25)
     for array in arrays.values():
         assert 0.19 < np.abs(array).max() <= 0.2
+
+
+@pytest.mark.parametrize("method", [NN, LSTM, NDP, NGF, PublishedNGF])
+def test_each_size_learns_more_numbers_than_the_one_before(method):
+    """Tables 2 to 5."""
+    rng = generator("sizes")
+    drawn = [method(config, LAYOUT).draw(rng) for config in method.sizes.values()]
+    counts = [sum(array.size for array in arrays.values()) for arrays in drawn]
+    assert counts == sorted(set(counts))

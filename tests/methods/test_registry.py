@@ -3,9 +3,11 @@
 import importlib
 import json
 import sys
+from pathlib import Path
 
 import pytest
 
+from bench.driver import Outcome
 from methods import registry
 from methods.registry import MethodError, get_method, method_names, unusable
 from tasks.errors import InputError
@@ -60,18 +62,21 @@ def test_a_reserved_name_is_refused_with_its_package(install, bench, name):
     with pytest.raises(MethodError) as refused:
         get_method(name)
     assert str(refused.value) == reason
-    for command in (("check", name), ("describe", name), ("run", "smoke", "--methods", name)):
-        code, _, error = bench(*command, *(["--out", "out"] * (command[0] == "run")))
+    for command in ("check", "describe"):
+        code, _, error = bench(command, name)
         assert (code, error) == (2, f"bench: {reason}\n")
 
 
-def test_a_package_does_not_replace_a_method_of_the_suite(install):
+def test_a_package_does_not_replace_a_method_of_the_suite(install, bench, monkeypatch):
     install("evil", "kodex = evil:Evil", evil=METHOD.format("Evil", "kodex"))
     assert method_names().count("kodex") == 1
     for variant in ("described", "set_1"):
-        with pytest.raises(MethodError, match="evil brings a method 'kodex', which this suite has"):
-            get_method("kodex", variant)
-    assert get_method("nn").name == "nn"
+        assert get_method("kodex", variant).__module__ == "methods.kodex"
+    monkeypatch.setattr("bench.driver.run", lambda *arguments: Outcome(Path(), 0, 0, ()))
+    code, _, error = bench("run", "smoke", "--methods", "kodex", "--out", "out")
+    assert code == 0
+    assert "evil brings a method 'kodex', which this suite has" in error
+    assert "the suite's own is used" in error
 
 
 def test_two_packages_with_one_name_are_both_named(install):
