@@ -24,7 +24,7 @@ from reports.results import Results
 from reports.write import write_report
 
 COMMAND = [sys.executable, "-c", "from bench.cli import main; main()", "run", "smoke"]
-STUDY = ["--tasks", "relocation", "--methods", "kodex,nn,ndp"]
+STUDY = ["--tasks", "relocation", "--methods", "kodex,nn,ndp", "--experiments", "sizes,success"]
 
 
 def start(*options, **environment):

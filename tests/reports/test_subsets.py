@@ -148,7 +148,7 @@ def check(made, folder):
 @example(only(method="mine"), False)
 @example(only(method="mine", split="validation"), True)
 @example(only(variant="set_1"), False)
-@settings(max_examples=20)
+@settings(max_examples=12)
 def test_every_subset_has_a_report(frame, diverged):
     results = Subset(frame, diverged)
     results.check_protocol(frame, mixed=True)
@@ -206,7 +206,9 @@ def test_an_exhibit_that_fails_takes_no_other_down(part, tmp_path, monkeypatch, 
     unseen, figure_5 = exhibits()
     monkeypatch.setattr(write, "exhibits", lambda: [replace(unseen, **{part: fail}), figure_5])
     made = write_report(results, tmp_path)
-    assert made.failed == {"Success on unseen starts": "ZeroDivisionError: no such luck"}
+    (reason,) = made.failed.values()
+    assert list(made.failed) == ["Success on unseen starts"]
+    assert reason.startswith("ZeroDivisionError: no such luck (test_subsets.py:")
     assert [path.stem for path in made.written] == ["figure_5"]
     assert not list(tmp_path.rglob("unseen.*"))
     assert "bench: left out: Success on unseen starts: Zero" in capsys.readouterr().err
