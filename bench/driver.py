@@ -73,6 +73,8 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         cells_of(study, recipes)  # what does not exist is refused before anything is made
     with _running(folder, where) as runner:
         study = runner.admitted(study)
+        if not study.methods:
+            return runner.outcome([])
         # The largest study there can be, so that its refusals come before any work.
         runner.store.check(cells_of(study, recipes))
         compared = first_wave(study, recipes)
