@@ -1,0 +1,80 @@
+"""What a method returns is stored bit for bit, or refused in words."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from methods.contract import MAX_BYTES, ContractError, _stored, from_json, resolved
+from tasks.files import from_bytes
+
+SOUND = {
+    "float64": np.array([0.1, -np.inf, np.nan]),
+    "float16": np.arange(3, dtype=np.float16),
+    "complex64": np.array([1 + 2j, 3j], np.complex64),
+    "complex128": np.array([[1 + 2j], [3j]]),
+    "no complex number": np.zeros((0, 2), complex),
+    "bool": np.array([True, False]),
+    "int8": np.arange(-3, 3, dtype=np.int8),
+    "a single number": np.array(3.0),
+    "no number": np.zeros((0, 3)),
+    "columns first": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    "backwards": np.arange(3.0)[::-1],
+    "big-endian": np.arange(3.0).astype(">f8"),
+    "read-only": np.broadcast_to(1.0, (3, 3)),
+}
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_what_is_stored_comes_back_and_can_be_written_to(name):
+    (found,) = from_bytes(_stored({name: SOUND[name]}, "parameters")).values()
+    assert found.shape == SOUND[name].shape
+    assert found.dtype.kind == SOUND[name].dtype.kind
+    np.testing.assert_array_equal(found, SOUND[name])
+    found[...] = 0
+
+
+@pytest.mark.parametrize(
+    ("arrays", "reason"),
+    [
+        (None, "must return arrays by name, got NoneType"),
+        ([np.ones(1)], "must return arrays by name, got list"),
+        ({"x": 1.0}, "holds 'x', float"),
+        ({"x": np.array(["a"])}, "numpy.ndarray of <U1"),
+        ({"x": np.array([None])}, "numpy.ndarray of object"),
+        ({"x": np.ones(1, np.longdouble)}, "numpy.ndarray of float128"),
+        ({"x": np.ones(1, np.clongdouble)}, "numpy.ndarray of complex256"),
+        ({"x": np.array(0, "M8[s]")}, "numpy.ndarray of datetime64"),
+        ({"x": np.ma.masked_array([1.0], [True])}, "numpy.ma.MaskedArray"),
+        ({3: np.ones(1)}, "names an array 3"),
+        ({"": np.ones(1)}, "names an array ''"),
+        ({"\ud800": np.ones(1)}, "names are printable"),
+        ({"__metadata__": np.ones(1)}, "names an array '__metadata__'"),
+        ({"x": np.broadcast_to(1.0, MAX_BYTES)}, "takes 8.0 GiB, allowed is 1"),
+    ],
+)
+def test_what_cannot_be_stored_is_refused(arrays, reason):
+    with pytest.raises(ContractError, match=r"^parameters") as refused:
+        _stored(arrays, "parameters")
+    assert reason in str(refused.value)
+
+
+@dataclass(frozen=True)
+class Config:
+    value: object = ()
+    derived: int = field(init=False, default=0)
+
+    def __post_init__(self):
+        object.__setattr__(self, "derived", len(str(self.value)))
+
+
+@pytest.mark.parametrize("value", [1, 0.1, "text", None, True, (), ((1, 2), ("a",))])
+def test_a_config_is_the_same_once_stored_and_built_again(value):
+    config = Config(value)
+    assert from_json(Config, resolved(config)) == config
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), len, [1], {1: 2}, np.ones(2), 1j])
+def test_a_config_that_cannot_be_stored_is_refused(value):
+    with pytest.raises(ContractError, match=r"cannot be stored|not the same"):
+        resolved(Config(value))
