@@ -23,7 +23,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals import loky
 from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
-from bench.isolation import Failure, Job, Stop, do_apart, do_here, start_server
+from bench.isolation import Failure, Job, Stop, do_apart, do_here, read_answer, start_server
 from tasks.errors import InputError, unknown_name
 
 TRIES = 3
@@ -270,7 +270,7 @@ def _attempt_here(
 
 def _attempt(index: int, name: str, call: bytes, limit: float) -> tuple[int, Answer]:
     began = perf_counter()
-    return index, Answer(pickle.loads(do_apart(name, call, limit)), perf_counter() - began)
+    return index, Answer(read_answer(do_apart(name, call, limit)), perf_counter() - began)
 
 
 def _prepare_worker() -> None:

@@ -1,9 +1,14 @@
 """Check a method as a run meets it: in processes of their own, and stored between two of them."""
 
+from functools import cache
+
 import numpy as np
 
+from bench.admission import describe_guest
 from bench.isolation import apart
+from methods.base import Method
 from methods.checks import Verdict, answer, check, learnt_toy, loaded_toy
+from methods.description import stand_in
 from methods.registry import SUITE, get_method, method_names, unknown_method
 from tasks.data import FloatArray
 from tasks.errors import InputError
@@ -12,22 +17,25 @@ ANOTHER_PROCESS = "survives_another_process"
 ASKS = "What is stored and then loaded in another process gives the same answers."
 
 
-def import_apart(name: str) -> None:
-    """Imports a method in a process of its own first, since the import may end the process.
+def known(name: str) -> type[Method]:
+    """Returns the class of a method; for one of a package, a stand-in that describes it.
+
+    The package is imported in a process of its own, since that may end the process.
 
     Raises:
         InputError: there is no such method, or it cannot be used.
     """
-    if name in SUITE:
-        return
+    return get_method(name) if name in SUITE else _stand_in(name)
+
+
+@cache
+def _stand_in(name: str) -> type[Method]:
+    if name not in method_names():
+        raise unknown_method(name)
     try:
-        apart(_import, name)
+        return stand_in(apart(describe_guest, name))
     except InputError as error:
         raise InputError(f"method {name!r} cannot be used: {error}") from error
-
-
-def _import(name: str) -> None:
-    get_method(name)
 
 
 def check_apart(name: str) -> list[Verdict]:
@@ -36,9 +44,7 @@ def check_apart(name: str) -> list[Verdict]:
     Raises:
         InputError: there is no such method, or it cannot be used.
     """
-    if name not in method_names():
-        raise unknown_method(name)
-    import_apart(name)
+    known(name)
     try:
         found: list[Verdict] = apart(_rules, name)
     except InputError as error:

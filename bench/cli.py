@@ -1,6 +1,8 @@
 """The command line, ``bench``."""
 
+import io
 import json
+import os
 import sys
 from typing import Annotated, Any
 
@@ -80,7 +82,11 @@ EXTRAS = {
 
 def main() -> None:
     """Runs the command line; bad input, or an extra that is missing, ends with exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may not know every letter
+            stream.reconfigure(errors="backslashreplace")
     try:
+        _check_folder()
         app()
     except InputError as error:
         print(f"bench: {error}", file=sys.stderr)
@@ -91,6 +97,13 @@ def main() -> None:
         extra = EXTRAS[error.name]
         print(f"bench: {error}: pip install -e '.[{extra}]' in a clone", file=sys.stderr)
         sys.exit(USAGE_ERROR)
+
+
+def _check_folder() -> None:
+    try:
+        os.getcwd()
+    except FileNotFoundError as error:
+        raise InputError("the current folder has been removed: go to another one") from error
 
 
 def _print_task(facts: dict[str, Any]) -> None:

@@ -53,12 +53,10 @@ def _task(name: str) -> dict[str, Any]:
 
 
 def _method(name: str) -> dict[str, Any]:
-    from bench.checking import import_apart
+    from bench.checking import known
     from methods.base import MotionMethod
-    from methods.registry import get_method
 
-    import_apart(name)
-    method = get_method(name)
+    method = known(name)
     return {
         "name": name,
         "summary": getattr(method, "summary", ""),

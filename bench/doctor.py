@@ -9,7 +9,7 @@ from typing import Any
 
 import joblib
 
-from bench.checking import import_apart
+from bench.checking import known
 from bench.commands import FAULTS
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
@@ -50,7 +50,7 @@ def _brought() -> list[dict[str, Any]]:
     """What installed packages bring and cannot be used."""
     faults = {f"method {name!r}": fault for name, fault in unusable().items()}
     for name in package_methods():
-        faults[f"method {name!r}"] = _refusal(partial(import_apart, name))
+        faults[f"method {name!r}"] = _refusal(partial(known, name))
     faults |= {f"command {name!r}": fault for name, fault in FAULTS.items()}
     faults |= {
         f"package {name!r}": f"its entry points cannot be read ({reason}): uninstall or repair it"

@@ -18,8 +18,8 @@ from typing import Any
 
 import joblib
 
-from bench.admission import admissions, guests
-from bench.backend import Call, Interrupts, Workers, answers, workers
+from bench.admission import admissions, guests, introductions
+from bench.backend import IN_THIS_PROCESS, Call, Interrupts, Workers, answers, workers
 from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
 from bench.isolation import Failure
 from bench.jobs import Piece, controller_job, evaluation_job, fit_job
@@ -27,6 +27,9 @@ from bench.presets import Study
 from bench.progress import Cost, Progress
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store
+from methods.base import Method
+from methods.description import stand_in
+from methods.registry import introduced
 from tasks.data import Demos, Starts
 from tasks.demos import TRAINING, demos_path, load_demos, record, split
 from tasks.errors import InputError
@@ -88,6 +91,11 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
     """Computes and stores what is missing of some cells, see `run`."""
     with _running(folder, where) as runner:
+        names = guests(
+            dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
+        )
+        for name, failure in runner.meet(names, introductions(names)).items():
+            raise InputError(f"method {name!r} cannot be used: {failure.reason}")
         runner.compute(cells, "")
         return runner.outcome(cells)
 
@@ -100,8 +108,9 @@ def _running(folder: Path, where: Workers) -> "Iterator[_Runner]":
         workers(where),
         Progress(where.jobs) as progress,
         Interrupts() as interrupts,
+        introduced() as introduce,
     ):
-        yield _Runner(store, where, progress, interrupts)
+        yield _Runner(store, where, progress, interrupts, introduce)
 
 
 def default_jobs() -> int:
@@ -125,9 +134,14 @@ class _Runner:
     """Computes cells: controllers, then fits, then evaluations."""
 
     def __init__(
-        self, store: Store, where: Workers, progress: Progress, interrupts: Interrupts
+        self,
+        store: Store,
+        where: Workers,
+        progress: Progress,
+        interrupts: Interrupts,
+        introduce: Callable[[type[Method]], None],
     ) -> None:
-        self.store, self.where = store, where
+        self.store, self.where, self.introduce = store, where, introduce
         self.progress, self.interrupts = progress, interrupts
         self.done = 0
         self.failed: dict[str, str] = {}
@@ -135,15 +149,23 @@ class _Runner:
     def admitted(self, study: Study) -> Study:
         """Returns the study with the methods that can be used; the others have failed."""
         names = guests(study.methods)
-        refused = set()
-        for index, answer in answers(admissions(study, names), self.where, self.interrupts):
+        failures = self.meet(names, admissions(study, names))
+        for name, failure in failures.items():
+            self._fail(name, failure)
+        for name in set(names) - set(failures):
+            self.store.clear_failure(name)
+        return replace(study, methods=tuple(n for n in study.methods if n not in failures))
+
+    def meet(self, names: Sequence[str], calls: Sequence[Callable[[], Call]]) -> dict[str, Failure]:
+        """Lets methods of packages be described elsewhere; returns the failures by name."""
+        failures = {}
+        for index, answer in answers(calls, self.where, self.interrupts):
             if isinstance(answer.result, Failure):
-                self._fail(names[index], answer.result)
-                refused.add(names[index])
-            else:
-                self.store.clear_failure(names[index])
+                failures[names[index]] = answer.result
+            elif self.where.backend != IN_THIS_PROCESS:
+                self.introduce(stand_in(answer.result))
         self.interrupts.check()
-        return replace(study, methods=tuple(n for n in study.methods if n not in refused))
+        return failures
 
     def compute(self, cells: Sequence[Cell], note: str) -> None:
         """Computes what is missing of the cells, but for what has failed in this run."""

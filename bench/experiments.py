@@ -1,7 +1,7 @@
 """The paper's experiments, each as a list of cells. Experiments share cells freely."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
 from types import UnionType
@@ -14,6 +14,7 @@ from bench.presets import SMALLEST, Study
 from bench.selection import best_size
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod, Method
+from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.demos import adopt_demos, demos_key, load_demos, split
@@ -291,7 +292,7 @@ def _fits(
     for variant in variants:
         method = get_method(name, variant)
         if variant in method.variants:
-            config = asdict(_config(study, method, size, variant))
+            config = resolved(_config(study, method, size, variant))
             for seed in (0,) if method.deterministic else study.seeds:
                 count = study.demos if demos is None else demos
                 yield Fit(task, name, variant, size, config, count, seed, recipes[task])
@@ -371,7 +372,7 @@ def _swept(study: Study, method: type[Method]) -> dict[str, set[str]]:
         experiment: {field for name in names for field in method.variants.get(name, ())}
         for experiment, names in variants.items()
     }
-    configs = [asdict(method.sizes[size]) for size in _sizes(study, method)]
+    configs = [resolved(method.sizes[size]) for size in _sizes(study, method)]
     first = configs[0]
     differ = {field for config in configs for field in first if config[field] != first[field]}
     return swept | {"sizes": differ}

@@ -5,22 +5,28 @@ nothing, which takes milliseconds. Elsewhere it is started anew, since system li
 survive a fork.
 """
 
+import atexit
+import ctypes
 import multiprocessing
 import os
-import pickle
+import shutil
 import signal
 import sys
+import tempfile
 import threading
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+from pickle import dumps, loads  # by name, whatever a method puts into the module
+from tempfile import TemporaryDirectory
 from typing import Any
+
+import psutil
 
 from tasks.errors import InputError, described
 
@@ -30,6 +36,12 @@ SHOWN = 4000
 
 PATIENCE = 600.0
 """Seconds for a job that a command waits for."""
+
+_FOLDER = "bench-job-"
+"""Begins the name of a job's folder, before the number of its worker's process."""
+_LONGEST_FOLDER = 60
+_SET_CHILD_SUBREAPER = 36
+"""Of Linux's prctl."""
 
 Job = Callable[..., Any]
 
@@ -68,8 +80,14 @@ def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
     except Stop:
         raise
     except BaseException as error:
-        lines = "".join(traceback.TracebackException.from_exception(error).format())
-        return Failure(described(error), _printable(lines))
+        return Failure(described(error), _printable(_traceback(error)))
+
+
+def _traceback(error: BaseException) -> str:
+    try:
+        return "".join(traceback.TracebackException.from_exception(error).format())
+    except BaseException:  # whatever a method's exception does when it is asked for its text
+        return ""
 
 
 def apart(job: Job, *arguments: Any) -> Any:
@@ -78,11 +96,19 @@ def apart(job: Job, *arguments: Any) -> Any:
     Raises:
         InputError: the job fails, or takes longer than `PATIENCE`; the message is the reason.
     """
-    call = pickle.dumps((job, arguments))
-    found = pickle.loads(do_apart(f"{job.__name__} {arguments}", call, PATIENCE))
+    call = dumps((job, arguments))
+    found = read_answer(do_apart(f"{job.__name__} {arguments}", call, PATIENCE))
     if isinstance(found, Failure):
         raise InputError(found.reason)
     return found
+
+
+def read_answer(answer: bytes) -> Any:
+    """Returns what `do_apart` has returned, unpickled; a `Failure` where that cannot be done."""
+    try:
+        return loads(answer)
+    except Exception as error:
+        return Failure(f"its answer cannot be read: {described(error)}", "")
 
 
 def do_apart(name: str, call: bytes, limit: float) -> bytes:
@@ -93,9 +119,10 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
         call: the pickled job and its arguments.
         limit: seconds after which the process is killed.
     """
+    _adopt_orphans()
     here, there = _context().Pipe(duplex=False)
-    with NamedTemporaryFile(prefix="bench-printed-") as printed:
-        process = _context().Process(target=_child, args=(there, printed.name, name, call))
+    with TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True) as place:
+        process = _context().Process(target=_child, args=(there, place, name, call))
         # A worker of dask is a daemon, which Python allows no children.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
         process.start()
@@ -107,8 +134,7 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
             _kill(process)
         if isinstance(answer, bytes):
             return answer
-        said = _printable(Path(printed.name).read_bytes().decode(errors="backslashreplace"))
-        return pickle.dumps(Failure(answer.reason, said, died=answer.died))
+        return dumps(replace(answer, traceback=_printed(place)))
 
 
 def _answer(
@@ -128,7 +154,10 @@ def _answer(
 
 
 def _signal(number: int) -> str:
-    name = signal.Signals(number).name
+    try:
+        name = signal.Signals(number).name
+    except ValueError:  # of real time
+        name = f"signal {number}"
     return f"{name} (perhaps for lack of memory)" if name == "SIGKILL" else name
 
 
@@ -139,25 +168,54 @@ def _kill(process: multiprocessing.process.BaseProcess) -> None:
     process.kill()
     process.join()
     process.close()
+    here = os.getsid(0)
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error, ProcessLookupError):
+            if os.getsid(child.pid) != here:  # unlike what this process has started itself
+                child.kill()
+                child.wait(1)
 
 
-def _child(there: Connection, printed: str, name: str, call: bytes) -> None:
+def _adopt_orphans() -> None:
+    """Makes this process the parent of what is left of a job's process, to end it."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def _child(there: Connection, place: str, name: str, call: bytes) -> None:
     """Does the job, and sends what comes of it."""
     os.setsid()
+    me = os.getpid()
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
-    output = os.open(printed, os.O_WRONLY | os.O_APPEND)
+    output = os.open(f"{place}/printed", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for source, target in ((os.open(os.devnull, os.O_RDONLY), 0), (output, 1), (output, 2)):
         os.dup2(source, target)
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
+    tempfile.tempdir = place
     result = do_here(name, _pickled, (call,))
-    there.send_bytes(result if isinstance(result, bytes) else pickle.dumps(result))
+    if os.getpid() != me:  # the job has forked this process, and come back twice
+        os._exit(0)
+    if isinstance(result, Failure):
+        with suppress(Exception):
+            sys.stdout.flush()
+        result = dumps(replace(result, traceback=result.traceback + _printed(place)))
+    there.send_bytes(result)
     there.close()
 
 
+def _printed(place: str) -> str:
+    """The end of what a job has printed."""
+    with suppress(OSError), Path(place, "printed").open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - 4 * SHOWN))
+        said = _printable(file.read(4 * SHOWN).decode(errors="backslashreplace"))
+        return f"\nIt printed:\n{said}" if said.strip("\0") else ""
+    return ""
+
+
 def _pickled(call: bytes) -> bytes:
-    job, arguments = pickle.loads(call)
-    return pickle.dumps(job(*arguments), protocol=5)
+    job, arguments = loads(call)
+    return dumps(job(*arguments), protocol=5)
 
 
 def _end_with_the_parent() -> None:
@@ -168,7 +226,14 @@ def _end_with_the_parent() -> None:
 
 
 def start_server() -> None:
-    """Starts what processes of jobs are forked from, and does not wait until it is ready."""
+    """Starts what processes of jobs are forked from, and does not wait until it is ready.
+
+    Folders of jobs whose worker was killed are removed.
+    """
+    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*-*"):
+        worker = folder.name.removeprefix(_FOLDER).partition("-")[0]
+        if worker.isdecimal() and not psutil.pid_exists(int(worker)):
+            shutil.rmtree(folder, ignore_errors=True)
     if _context().get_start_method() == "forkserver":
         forkserver.ensure_running()
 
@@ -177,9 +242,18 @@ def start_server() -> None:
 def _context() -> Any:
     if sys.platform != "linux":
         return multiprocessing.get_context("spawn")
+    _shorten_the_folder_of_sockets()
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     return context
+
+
+def _shorten_the_folder_of_sockets() -> None:
+    """A socket's path has at most some hundred characters, and TMPDIR may have more."""
+    config = multiprocessing.current_process()._config  # type: ignore[attr-defined]
+    if len(tempfile.gettempdir()) > _LONGEST_FOLDER and config.get("tempdir") is None:
+        config["tempdir"] = tempfile.mkdtemp(prefix=f"{_FOLDER}{os.getpid()}-", dir="/tmp")
+        atexit.register(shutil.rmtree, config["tempdir"], ignore_errors=True)
 
 
 def _printable(text: str) -> str:

@@ -10,7 +10,7 @@ import heapq
 import os
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -20,15 +20,15 @@ from time import process_time
 import numpy as np
 
 from bench.admission import guests
-from bench.checking import import_apart
+from bench.checking import known
 from bench.controller import ControllerConfig, train_controller
 from bench.experiments import cells_of, recipes_of
 from bench.isolation import apart
 from bench.presets import Study
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit, seed_blocks
 from bench.store import Store
-from methods.base import shortened
-from methods.registry import SUITE
+from methods.base import Method, shortened
+from methods.registry import SUITE, introduced
 from tasks import demos
 from tasks.data import Demos, Starts, generator
 from tasks.errors import InputError, reason_of
@@ -84,7 +84,11 @@ class Plan:
 
 def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     """Returns what a study will cost, given what its results folder already holds."""
-    study = _with_usable_methods(study)
+    with introduced() as introduce:
+        return _priced(_with_usable_methods(study, introduce), folder, jobs)
+
+
+def _priced(study: Study, folder: Path, jobs: int) -> Plan:
     cells = cells_of(study, recipes_of(study))
     store = Store(folder)
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
@@ -116,11 +120,11 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
     )
 
 
-def _with_usable_methods(study: Study) -> Study:
+def _with_usable_methods(study: Study, introduce: Callable[[type[Method]], None]) -> Study:
     usable = list(study.methods)
     for name in guests(study.methods):
         try:
-            import_apart(name)
+            introduce(known(name))
         except InputError as error:
             print(f"bench: {error}; it is left out", file=sys.stderr)
             usable.remove(name)

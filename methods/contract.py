@@ -5,8 +5,10 @@ arrays of float64. Nothing that a method has made goes further than this file.
 """
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -24,32 +26,46 @@ class ContractError(RuntimeError):
 
 
 def resolved(config: Any) -> dict[str, Any]:
-    """Returns every field of a config, as JSON has them.
+    """Returns the fields that a config is made from, as JSON has them.
 
     Raises:
         ContractError: JSON cannot hold a value, or would give back another config.
     """
-    try:
-        values: dict[str, Any] = json.loads(json.dumps(asdict(config), allow_nan=False))
-        same = from_json(type(config), values) == config
-    except (TypeError, ValueError) as error:
+    given = {field.name: getattr(config, field.name) for field in fields(config) if field.init}
+    odd = {name: value for name, value in given.items() if not _is_plain(value)}
+    if odd:
         raise ContractError(
-            f"{config!r} cannot be stored: a config is a frozen dataclass of finite numbers,"
-            f" texts, truth values and tuples of them ({error})"
-        ) from error
-    if not same:
+            f"{odd} cannot be stored: fields of a config are finite numbers, texts, truth values,"
+            " None and tuples of them"
+        )
+    values: dict[str, Any] = json.loads(json.dumps(given))
+    if from_json(type(config), values) != config:
         raise ContractError(f"{config!r} is not the same once stored and built again")
     return values
 
 
+def _is_plain(value: Any) -> bool:
+    if type(value) is tuple:
+        return all(map(_is_plain, value))
+    return type(value) in (bool, int, str, NoneType) or (
+        type(value) is float and math.isfinite(value)
+    )
+
+
 def from_json(kind: type[Any], values: Mapping[str, Any]) -> Any:
-    """Returns the config of a kind with values that `resolved` gave."""
-    given = [field.name for field in fields(kind) if field.init and field.name in values]
-    return kind(**{name: _tuples(values[name]) for name in given})
+    """Returns the config of a kind with values that `resolved` gave.
+
+    Raises:
+        ContractError: the values are those of a config with other fields.
+    """
+    expected = {field.name for field in fields(kind) if field.init}
+    if expected != set(values):
+        raise ContractError(f"a config with {sorted(expected)} cannot have {sorted(values)}")
+    return kind(**{name: _tuples(value) for name, value in values.items()})
 
 
 def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def build(method: type[Method], values: Mapping[str, Any], layout: Layout) -> Method:
@@ -98,9 +114,10 @@ def learn(
     if _arrays(given[0]) != _arrays(demos) or _arrays(given[1]) != _arrays(validation):
         raise ContractError("fit wrote to the demonstrations that it was given")
     kinds = [type(one).__name__ for one in fitted]
-    if len(fitted) != len(seeds) or not all(isinstance(one, method) for one in fitted):
+    of_its_kind = all(isinstance(one, method) for one in fitted)
+    if not of_its_kind or not len({*map(id, fitted)}) == len(fitted) == len(seeds):
         raise ContractError(
-            f"fit_seeds must return {len(seeds)} of {method.__name__}, one for each seed, got"
+            f"fit_seeds must return {len(seeds)} of {method.__name__}, an object for each seed, got"
             f" {kinds}"
         )
     return [_learnt(one, values, layout) for one in fitted]

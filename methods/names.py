@@ -70,6 +70,8 @@ def check_label(kind: str, name: object) -> None:
     if not (isinstance(name, str) and _LABEL.fullmatch(name)):
         allowed = f"use 1 to {LONGEST} ASCII letters, digits, _, . and +, a letter or digit first"
         raise _refusal(f"a {kind}", name, allowed)
+    if name == "smallest":
+        raise _refusal(f"a {kind}", name, "`--sizes smallest` names the first size of each method")
 
 
 def _refusal(what: str, name: object, reason: str) -> InputError:

@@ -34,6 +34,13 @@ class Part:
     write: Callable[[Any], object]
 
 
+def _folder() -> str:
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return "removed"
+
+
 def _set_environment(variables: dict[str, str]) -> None:
     os.environ.clear()
     os.environ.update(variables)
@@ -128,7 +135,7 @@ def _set_logging(state: tuple[Any, ...]) -> None:
 
 
 PARTS = (
-    Part("the current folder", os.getcwd, os.chdir),
+    Part("the current folder", _folder, os.chdir),
     Part("environment variables", lambda: dict(os.environ), _set_environment),
     Part("the umask", _umask, os.umask),
     Part("signal handlers", _signals, _set_signals),

@@ -4,7 +4,8 @@ A package brings methods by entry points of the group ``bench.methods``; the ent
 the method's, and its value the class.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint
@@ -20,6 +21,10 @@ SUITE = tuple(_CLASSES)
 """The methods of this suite; those of packages take part where they are named."""
 _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
 """Variants whose network is another one."""
+
+
+_INTRODUCED: dict[str, type[Method]] = {}
+"""Stand-ins, by name, of methods that this process must not import."""
 
 
 class MethodError(InputError):
@@ -62,6 +67,8 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
         MethodError: a package brings it, and it cannot be used.
         InputError: there is no such method.
     """
+    if name in _INTRODUCED:
+        return _INTRODUCED[name]
     if name not in method_names():
         raise unknown_method(name)
     if (name, variant) in _VARIANTS:
@@ -72,6 +79,24 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
     else:
         found = _load(*_brought()[name])
     return found
+
+
+@contextmanager
+def introduced() -> Iterator[Callable[[type[Method]], None]]:
+    """Yields what takes a stand-in for the method of its name, until the context ends.
+
+    See `methods.description`.
+    """
+
+    def introduce(method: type[Method]) -> None:
+        _INTRODUCED[method.name] = method
+        get_method.cache_clear()
+
+    try:
+        yield introduce
+    finally:
+        _INTRODUCED.clear()
+        get_method.cache_clear()
 
 
 def _brought() -> dict[str, list[EntryPoint]]:
@@ -125,6 +150,8 @@ def _class_fault(found: object, name: str) -> str:
         return (
             f"it must be a subclass of MotionMethod or ActionMethod, got a {type(found).__name__}"
         )
+    if issubclass(found, MotionMethod) and issubclass(found, ActionMethod):
+        return "it is a MotionMethod and an ActionMethod: it must be one of them"
     if getattr(found, "name", None) != name:
         return f"the class must have the name {name!r}, as its entry point has"
     for kind in ("size", "variant"):

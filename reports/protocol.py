@@ -113,10 +113,11 @@ def _shares(learnt: pd.DataFrame) -> Iterator[Setting]:
 
 def own_epochs(method: str, variant: str, size: str) -> int | None:
     """Returns the epochs of a method's own config; None if it is not installed or has none."""
-    from methods.registry import get_method
+    from bench.checking import known
+    from methods.registry import SUITE, get_method
 
     try:
-        found = get_method(method, variant)
+        found = get_method(method, variant) if method in SUITE else known(method)
     except InputError:
         return None
     if size not in found.sizes or variant not in found.variants:

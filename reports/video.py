@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
+from bench.checking import known
 from bench.driver import learnt
 from bench.jobs import make_policy
 from bench.rollout import TrackedMotion
+from bench.spec import EXPERT
 from bench.store import Store
 from bench.verify import stored_cell
 from reports.results import Results
@@ -114,6 +116,8 @@ def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
     """Returns the episode of a method from a start."""
     store, results = Store(folder), Results(folder)
     cell = stored_cell(store, _row(results, task.name, method), 1)
+    if cell.fit.method != EXPERT:
+        known(cell.fit.method)  # the import of a package may end the process
     policy = make_policy(cell.fit, *learnt(store, cell))
     watched = Watched(policy)
     outcome = rollout(task, starts, watched, threads=1, whole=True)

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pandas as pd
+import psutil
 import pytest
 
 from bench.store import Store
@@ -19,10 +20,13 @@ FAILING = {
     "aborts": "killed by SIGABRT",
     "alarms": "killed by SIGALRM",
     "asks": "EOFError",
-    "autos": "TypeError: can't multiply sequence",
+    "autos": "a field called epochs is a whole number from 1, got 'auto'",
+    "both": "it is a MotionMethod and an ActionMethod",
     "empties": "parameters() is empty",
+    "enums": "{'kind': <Kind.GOOD: 'good'>} cannot be stored",
     "exits": "SystemExit: 4 (hostile.py:",
     "expert": "cannot be called 'expert'",
+    "floods": "killed by SIGABRT",
     "hangs": "minutes, the limit",
     "hides": "SecretError: its message cannot be shown (hostile.py:",
     "import_exits": "SystemExit: this module ends the program (hostile_exit.py:3)",
@@ -30,6 +34,7 @@ FAILING = {
     "imports": "No module named 'no_such_module_anywhere' (hostile_import.py:1)",
     "interrupts": "KeyboardInterrupt",
     "kills": "killed by SIGKILL",
+    "kinds": "all sizes must have configs of one class, got Config, Wider",
     "lambdas": "cannot be stored",
     "leaves": "ended with exit code 0 before it answered",
     "lists": "must return a NumPy array of floats, got list",
@@ -39,8 +44,10 @@ FAILING = {
     "objects": "numpy.ndarray of object",
     "recurses": "RecursionError",
     "shapes": "must return shape",
+    "signals": "killed by signal 40",
     "slashes": "a size cannot be called 'w/o'",
     "swells": "takes 4.0 GiB, allowed is 1",
+    "tells": "RuntimeError: see above",
     "writes": "wrote to the demonstrations",
 }
 """By method what its failure says; the others have sound results."""
@@ -81,6 +88,7 @@ def clean(command, tmp_path_factory):
     return out
 
 
+ORPHAN = ["sleep", "3607"]
 PLACES = (("loky", 2), ("loky", 1), ("dask", 2))
 
 
@@ -105,6 +113,9 @@ def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, 
         else:
             assert (found, rows.episodes[method]) == ([], 20), method
     assert rows.diverged["nans"] == 20
+    (tells,) = [one for one in Store(out).failures() if "tells" in one["label"]]
+    assert "there is no licence file" in tells["traceback"]
+    assert not [p for p in psutil.process_iter(["cmdline"]) if p.info["cmdline"] == ORPHAN]
     assert "failed (" in command("status", out)[1]
     assert command("report", out)[0] == 0
     table = pd.read_csv(out / "report/tables/unseen.csv").set_index("row")

@@ -76,6 +76,7 @@ def brought(monkeypatch):
     monkeypatch.setattr(registry, "SUITE", tuple(METHODS))
     monkeypatch.setattr(plan, "SUITE", tuple(METHODS))
     monkeypatch.setattr("bench.checking.SUITE", tuple(METHODS))
+    monkeypatch.setattr("bench.checking.get_method", METHODS.get)
     monkeypatch.setattr(registry, "get_method", lambda name, variant="described": METHODS[name])
     monkeypatch.setattr(registry, "method_names", lambda: list(METHODS))
     plan._unit_seconds.cache_clear()

@@ -1,7 +1,9 @@
 """Methods with a vice each, as strangers' packages may have them."""
 
 import os
+import pickle
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,11 +11,12 @@ import threading
 import time
 import warnings
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 import torch
 
-from methods.base import MotionMethod, NotFittedError
+from methods.base import ActionMethod, MotionMethod, NotFittedError
 from methods.nn import NN
 
 
@@ -186,6 +189,53 @@ class Autos(Sound):
     sizes = {"single": Auto()}
 
 
+@dataclass(frozen=True)
+class Wider(Config):
+    width: int = 512
+
+
+class Kinds(Sound):
+    sizes = {"small": Config(), "large": Wider()}
+
+
+class Kind(StrEnum):
+    GOOD = "good"
+
+
+@dataclass(frozen=True)
+class OfAKind:
+    kind: Kind = Kind.GOOD
+
+
+class Enums(Sound):
+    sizes = {"single": OfAKind()}
+
+
+class Both(Sound, ActionMethod):
+    def reset(self, starts):
+        pass
+
+    def act(self, state, t):
+        return np.zeros((len(state), self.layout.action_dim))
+
+
+class Tells(Sound):
+    def vice(self, demos):
+        print("there is no licence file")
+        raise RuntimeError("see above")
+
+
+class Floods(Sound):
+    def vice(self, demos):
+        os.ftruncate(1, 2**43)
+        os.abort()
+
+
+class Signals(Sound):
+    def vice(self, demos):
+        os.kill(os.getpid(), 40)
+
+
 class Reserved(Sound):
     def __init_subclass__(cls):
         pass
@@ -227,9 +277,25 @@ class Solves(Sound):
         self.states = self.states + 1e-9 * np.linalg.solve(gram, x.T @ x)[0]
 
 
+class Forks(Sound):
+    def vice(self, demos):
+        os.fork()
+
+
+class Orphans(Sound):
+    def vice(self, demos):
+        code = "import os; os.fork() or (os.setsid(), os.execlp('sleep', 'sleep', '3607'))"
+        subprocess.run([sys.executable, "-c", code], start_new_session=True, check=True)
+
+
+class Removes(Sound):
+    def vice(self, demos):
+        shutil.rmtree(os.getcwd())
+
+
 class Patches(Sound):
     def vice(self, demos):
-        np.linalg.lstsq = np.linalg.solve = np.einsum = None
+        np.linalg.lstsq = np.linalg.solve = np.einsum = pickle.dumps = None
         NN.rollout = NN.draw = None
         MotionMethod.diagnostics = lambda self: {"patched": np.ones(1)}
 

@@ -1,8 +1,12 @@
 """Changes the process as soon as it is imported."""
 
+import atexit
 import os
+import pickle
 import random
 import signal
+import threading
+import time
 import warnings
 
 import numpy as np
@@ -18,7 +22,10 @@ warnings.simplefilter("error")
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 os.environ["OMP_NUM_THREADS"] = "2"
 os.chdir("/")
-np.linalg.lstsq = None
+np.linalg.lstsq = pickle.dumps = pickle.loads = None
+threading.Thread(target=time.sleep, args=(3600,)).start()
+atexit.register(os._exit, 0)
+print("meddling")
 
 
 class Meddles(Sound):

@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from methods.contract import MAX_BYTES, ContractError, _stored, from_json, resolved
+from methods.checks import LAYOUT, toy
+from methods.contract import MAX_BYTES, ContractError, _stored, from_json, learn, resolved
+from methods.kodex import Kodex
 from tasks.files import from_bytes
 
 SOUND = {
@@ -78,3 +80,15 @@ def test_a_config_is_the_same_once_stored_and_built_again(value):
 def test_a_config_that_cannot_be_stored_is_refused(value):
     with pytest.raises(ContractError, match=r"cannot be stored|not the same"):
         resolved(Config(value))
+
+
+class Shared(Kodex):
+    @classmethod
+    def fit_seeds(cls, config, layout, demos, validation, seeds):
+        return super().fit_seeds(config, layout, demos, validation, seeds[:1]) * len(seeds)
+
+
+def test_each_seed_has_an_object_of_its_own():
+    values = resolved(Kodex.sizes["single"])
+    with pytest.raises(ContractError, match="fit_seeds must return 2 of Shared, an object for"):
+        learn(Shared, values, LAYOUT, toy(0, 5), toy(1, 2), [1, 2])

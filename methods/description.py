@@ -1,0 +1,103 @@
+"""What a run must know of a method without importing it.
+
+The process that plans a run never imports the code of a package: a process of its own describes the
+method in plain data, and a stand-in with the same sizes and variants takes its place.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, make_dataclass, replace
+from types import NoneType, UnionType
+from typing import Any, NoReturn, Union, get_args, get_origin, get_type_hints
+
+from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.contract import ContractError, from_json, resolved
+
+_PLAIN = (bool, int, float, str, NoneType)
+
+
+@dataclass(frozen=True)
+class Description:
+    """A method's class as plain data."""
+
+    name: str
+    summary: str
+    version: int
+    motions: bool
+    """Whether it predicts motions; else it acts."""
+    together: bool
+    """Whether it trains several seeds together."""
+    deterministic: bool
+    sizes: Mapping[str, Mapping[str, Any]]
+    """By size, the fields of its config, see `methods.contract.resolved`."""
+    default_size: Mapping[str, str]
+    variants: Mapping[str, Mapping[str, Any]]
+    hints: Mapping[str, Any]
+    """By field of the configs, what it is declared as; object where that is not plain."""
+
+
+def describe_method(method: type[Method]) -> Description:
+    """Returns the description of a method.
+
+    Raises:
+        ContractError: the class does not say what it must.
+    """
+    if type(method.version) is not int:
+        raise ContractError(f"version must be a whole number, got {method.version!r}")
+    if not method.sizes or "described" not in method.variants:
+        raise ContractError("it needs at least one size, and the variant 'described'")
+    kinds = {type(config) for config in method.sizes.values()}
+    if len(kinds) > 1:
+        names = sorted(kind.__name__ for kind in kinds)
+        raise ContractError(f"all sizes must have configs of one class, got {', '.join(names)}")
+    for changes in method.variants.values():
+        for config in method.sizes.values():
+            _check_epochs(resolved(replace(config, **changes)))
+    (kind,) = kinds
+    declared = get_type_hints(kind)
+    return Description(
+        name=str(method.name),
+        summary=str(getattr(method, "summary", "")),
+        version=method.version,
+        motions=issubclass(method, MotionMethod),
+        together=fits_together(method),
+        deterministic=bool(method.deterministic),
+        sizes={size: resolved(config) for size, config in method.sizes.items()},
+        default_size={str(task): str(size) for task, size in method.default_size.items()},
+        variants={name: dict(changes) for name, changes in method.variants.items()},
+        hints={f.name: _plain(declared[f.name]) for f in fields(kind) if f.init},
+    )
+
+
+def _check_epochs(values: Mapping[str, Any]) -> None:
+    epochs = values.get("epochs", 1)
+    if type(epochs) is not int or epochs < 1:
+        raise ContractError(f"a field called epochs is a whole number from 1, got {epochs!r}")
+
+
+def _plain(hint: Any) -> Any:
+    if get_origin(hint) in (Union, UnionType, tuple):
+        parts = [part for part in get_args(hint) if part is not Ellipsis]
+        return hint if all(_plain(part) is not object for part in parts) else object
+    return hint if hint in _PLAIN else object
+
+
+def stand_in(description: Description) -> type[Method]:
+    """Returns a class with all that a description says, whose methods cannot be called."""
+    declared = list(description.hints.items())
+    config = make_dataclass("Config", declared, frozen=True, kw_only=True)
+    base = MotionMethod if description.motions else ActionMethod
+    said = {
+        "name": description.name,
+        "summary": description.summary,
+        "version": description.version,
+        "deterministic": description.deterministic,
+        "sizes": {size: from_json(config, v) for size, v in description.sizes.items()},
+        "default_size": description.default_size,
+        "variants": description.variants,
+    }
+    uncallable = [*base.__abstractmethods__, *["fit_seeds"] * description.together]
+    return type(description.name, (base,), said | dict.fromkeys(uncallable, _refuse))
+
+
+def _refuse(*arguments: Any, **options: Any) -> NoReturn:
+    raise NotImplementedError("a stand-in only says what a method is")
