@@ -396,7 +396,9 @@ def _is(value: Any, hint: Any) -> bool:
 
 
 def _typed(value: Any, hint: Any) -> Any:
-    """A value that was read from JSON, as a float where a config's field is declared as one."""
+    """A value that was read from JSON, as a config has it: lists as tuples, floats as declared."""
+    if isinstance(value, list):
+        return tuple(_typed(inner, object) for inner in value)
     options = get_args(hint) or (hint,)
     whole = float in options and int not in options and _is(value, float)
     return float(value) if whole else value
