@@ -316,17 +316,32 @@ class TestInProcess:
         assert re.search(answer, error)
         assert not out.exists()
 
-    @pytest.mark.parametrize("harm", ["flipped", "no file", "other content"])
+    @pytest.mark.parametrize(
+        ("harm", "answer"),
+        [
+            ("flipped", "is damaged: its SHA-256 is not the one in mine.safetensors.sha256"),
+            ("no file", "mine.safetensors does not exist"),
+            ("a folder", "bench demos import TASK"),
+            ("no SHA-256", "lacks its SHA-256, which is written beside it as mine.safe"),
+            ("text", "is no file of demonstrations; such a file is in the safetensors format"),
+            ("other content", "`bench demos import` makes one"),
+        ],
+    )
     def test_a_file_without_sound_demonstrations_is_refused(
-        self, task, smoke, bench, tmp_path, harm
+        self, task, smoke, bench, tmp_path, harm, answer
     ):
         file, out = tmp_path / "mine.safetensors", tmp_path / "results"
         save_demos(load_demos(task), file)
         data = file.read_bytes()
         if harm == "flipped":
             file.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
-        elif harm == "no file":
+        elif harm in ("no file", "a folder"):
             file.unlink()
+            if harm == "a folder":
+                file.mkdir()
+        elif harm in ("no SHA-256", "text"):
+            file.with_name("mine.safetensors.sha256").unlink()
+            file.write_bytes(b"text" if harm == "text" else data)
         else:
             file.write_bytes(b"not safetensors")
             digest = hashlib.sha256(b"not safetensors").hexdigest()
@@ -334,6 +349,7 @@ class TestInProcess:
         code, _, error = bench("run", "smoke", "--out", str(out), "--demos", str(file))
         assert code == 2
         assert str(file) in error
+        assert answer in error
         assert not out.exists()
 
     def test_parts_pack_into_one(self, task, smoke, bench, tmp_path, files_of):
