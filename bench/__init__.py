@@ -25,25 +25,26 @@ def run(
     backend: str = "loky",
     scheduler: str | None = None,
 ) -> Outcome:
-    """Computes and stores what is missing of a study; the same call again goes on.
+    """Computes and stores the missing results of a study. Repeat the call to resume.
 
     Args:
         study: name of a preset, or a study of one's own, as ``replace(get_preset("quick"), ...)``.
         folder: the results folder, made if need be.
-        jobs: processes at a time; one for each core unless told.
+        jobs: processes at a time; -1 for one on each core. Default: BENCH_JOBS, else -1.
         backend: loky, dask, or the name under which another is registered with joblib.
         scheduler: address of a dask scheduler.
 
     Raises:
-        InputError: the study asks for what does not exist, or another run writes to the folder.
+        InputError: the study names something that does not exist, jobs is 0, or another run
+            writes to the folder.
     """
     from bench.backend import Workers
-    from bench.driver import default_jobs
+    from bench.driver import count_jobs
     from bench.driver import run as run_study
     from bench.presets import get_preset
 
     chosen = get_preset(study) if isinstance(study, str) else study
-    return run_study(chosen, Path(folder), Workers(jobs or default_jobs(), backend, scheduler))
+    return run_study(chosen, Path(folder), Workers(count_jobs(jobs), backend, scheduler))
 
 
 def load(folder: str | Path) -> pd.DataFrame:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.options import SOME_FAILED, TaskName
+from bench.parsing import known_names
 from tasks.errors import InputError
 from tasks.files import new_path
 from tasks.registry import TASKS, get_task
@@ -14,20 +15,24 @@ if TYPE_CHECKING:
     from tasks.data import BoolArray
 
 app = typer.Typer(
-    no_args_is_help=True, help="Make demonstrations, and exchange them in Minari's format."
+    no_args_is_help=True, help="Make demonstrations, and exchange them as Minari data sets."
 )
 
-Folder = Annotated[Path, typer.Argument(help="Folder of a Minari data set.")]
+Folder = Annotated[
+    Path, typer.Argument(help="Folder of a Minari data set, the one that contains data/.")
+]
 
 
 @app.command()
 def make(
-    tasks: Annotated[list[str] | None, typer.Argument(help="Tasks; all unless told.")] = None,
+    tasks: Annotated[
+        list[str] | None, typer.Argument(help="Names of tasks, such as door tool. Default: all.")
+    ] = None,
 ) -> None:
-    """Make 200 + 50 demonstrations a task, unless the cache has them."""
+    """Record the expert's demonstrations, 200 to train on and 50 to validate, into the cache."""
     from tasks.demos import demos_path, load_demos, split
 
-    for name in tasks or TASKS:
+    for name in known_names("TASKS", "task", ",".join(tasks or TASKS), TASKS):
         task = get_task(name)
         training, validation = map(len, split(load_demos(task)))
         print(f"{name}: {training} + {validation} demonstrations in {demos_path(task)}", flush=True)
@@ -35,7 +40,7 @@ def make(
 
 @app.command("export")
 def export_set(task: TaskName, folder: Folder) -> None:
-    """Write a task's demonstrations as a Minari data set."""
+    """Write the expert's demonstrations of a task as a Minari data set, into a new folder."""
     from tasks.demos import load_demos
     from tasks.minari import export_demos
 
@@ -50,9 +55,11 @@ def export_set(task: TaskName, folder: Folder) -> None:
 def import_set(
     task: TaskName,
     folder: Folder,
-    out: Annotated[Path, typer.Option(help="File that the demonstrations are written to.")],
+    out: Annotated[
+        Path, typer.Option(help="New file, such as mine.safetensors, for `bench run --demos`.")
+    ],
 ) -> None:
-    """Replay a Minari data set of an Adroit environment; keep the episodes that succeed."""
+    """Replay a Minari data set of an Adroit environment and keep the episodes that succeed."""
     from tasks.demos import save_demos
     from tasks.minari import import_demos
 
@@ -60,14 +67,14 @@ def import_set(
     imported = import_demos(get_task(task), folder)
     _print_replay(task, imported.success)
     if not len(imported.demos):
-        raise InputError(f"no episode of {folder} succeeds on replay: there is nothing to write")
+        raise InputError(f"no episode of {folder} succeeds on replay, so there is nothing to write")
     save_demos(imported.demos, out)
     print(f"wrote {len(imported.demos)} demonstrations to {out}")
 
 
 @app.command()
 def verify(task: TaskName, folder: Folder) -> None:
-    """Replay a Minari data set and say which episodes succeed; exit code 3 unless all do."""
+    """Replay a Minari data set and show which episodes fail. Exit code 3 if any does."""
     from tasks.minari import import_demos
 
     success = import_demos(get_task(task), folder).success

@@ -7,23 +7,30 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench.options import AsJson, TaskName
-from tasks.errors import InputError, unknown_name
+from bench.options import AsJson, TaskName, number
+from tasks.errors import unknown_name
 from tasks.files import writable_folder
 from tasks.registry import get_task
 
-app = typer.Typer(no_args_is_help=True, help="Train and evaluate the experts.")
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Train and evaluate experts, the policies that demonstrate the tasks.",
+)
 
 
 @app.command()
 def train(
     task: TaskName,
     folder: Annotated[
-        Path | None, typer.Option(help="Where the run is kept; the cache unless told.")
+        Path | None,
+        typer.Option(
+            help="Folder of the training run. Default: experts/TASK in the cache (BENCH_CACHE, else"
+            " ~/.cache/kodex-bench)."
+        ),
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads to simulate on.")] = 2,
+    threads: Annotated[int, number(1, "Threads of the simulator.")] = 2,
 ) -> None:
-    """Train an expert by reinforcement learning; the same command again goes on."""
+    """Train an expert by reinforcement learning. Rerun the same command to resume."""
     from tasks.demos import writable_cache
     from tasks.recipes import RECIPES
     from tasks.training import train as train_expert
@@ -48,19 +55,22 @@ def train(
 @app.command()
 def evaluate(
     task: TaskName,
-    episodes: Annotated[int, typer.Option(help="How many starts, from the first.")] = 1000,
-    split: Annotated[str, typer.Option(help="Where the starts come from.")] = "probe",
-    physics: Annotated[str, typer.Option(help="Name of a physics variation.")] = "nominal",
+    episodes: Annotated[int, number(1, "Episodes, from the first starts of the split.")] = 1000,
+    split: Annotated[
+        str, typer.Option(help="Set of starts: train, demo, probe, test or ood.")
+    ] = "probe",
+    physics: Annotated[
+        str,
+        typer.Option(help="nominal, or a variation such as heavy_hand; see `bench describe TASK`."),
+    ] = "nominal",
     as_json: AsJson = False,
 ) -> None:
-    """Measure the success of a shipped expert, which acts without noise."""
+    """Measure how often a shipped expert succeeds, acting without noise."""
     from bench.intervals import wilson
     from tasks.experts import evaluate as evaluate_expert
     from tasks.experts import load_expert
 
     chosen = get_task(task)
-    if episodes < 1:
-        raise InputError(f"--episodes must be 1 or more, got {episodes}")
     counts = evaluate_expert(chosen, load_expert(chosen).policy, split, episodes, physics)
     low, high = wilson(counts["successes"], episodes)
     result: dict[str, Any] = {
@@ -89,11 +99,14 @@ def evaluate(
 def probe(
     task: TaskName,
     folder: Annotated[
-        Path | None, typer.Option(help="A training run; the shipped expert unless told.")
+        Path | None,
+        typer.Option(help="Folder of `bench expert train`. Default: the shipped expert."),
     ] = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Starts of `probe` for KODex.")] = 1000,
+    episodes: Annotated[
+        int, number(1, "Episodes of KODex, from the first starts of the split probe.")
+    ] = 1000,
 ) -> None:
-    """Measure whether an expert's demonstrations can be imitated; prints one JSON object."""
+    """Measure whether an expert's demonstrations can be imitated. Prints a JSON object."""
     from bench.controller import ControllerConfig
     from bench.probe import probe as probe_expert
     from tasks.experts import Expert, load_expert
@@ -111,10 +124,18 @@ def probe(
 @app.command()
 def track(
     task: TaskName,
-    physics: Annotated[str, typer.Argument(help="nominal, or the name of a variation.")],
-    episodes: Annotated[int, typer.Option(min=1, help="Starts of `test`, from the first.")] = 200,
+    physics: Annotated[
+        str,
+        typer.Argument(
+            help="nominal, or a variation such as heavy_hand; see `bench describe TASK`."
+        ),
+    ],
+    episodes: Annotated[int, number(1, "Episodes, from the first starts of the split test.")] = 200,
 ) -> None:
-    """Measure what perfect imitation would have, by controller; prints a JSON list."""
+    """Measure how often each tracking controller succeeds if the imitation is perfect.
+
+    The motions are the expert's own. Prints a JSON list.
+    """
     from bench.controller import ControllerConfig
     from bench.tracking import track as track_expert
     from tasks.masses import physics_names

@@ -1,4 +1,4 @@
-"""`bench check` and `bench new-method`: bring a method of one's own."""
+"""`bench check` and `bench new-method`: add a method of your own."""
 
 import json
 from dataclasses import asdict
@@ -14,10 +14,12 @@ from tasks.registry import TASKS
 
 
 def check(
-    method: Annotated[str, typer.Argument(help="Name of a method, as `bench list` shows it.")],
+    method: Annotated[
+        str, typer.Argument(help="Name of a method, such as kodex; see `bench list`.")
+    ],
     as_json: AsJson = False,
 ) -> None:
-    """Check rule by rule whether a method keeps the contract; exit code 3 unless it does."""
+    """Check a method against each rule of the method contract. Exit code 3 if it breaks one."""
     from bench.checking import ANOTHER_PROCESS, ASKS, check_apart
     from methods.checks import RULES
 
@@ -43,17 +45,19 @@ def check(
 
 
 def new_method(
-    name: Annotated[str, typer.Argument(help="Name of the method: a-z, 0-9 and _.")],
-    folder: Annotated[Path, typer.Option(help="Where the package's folder is put.")] = Path(),
+    name: Annotated[str, typer.Argument(help="Name of the new method, of a-z, 0-9 and _.")],
+    folder: Annotated[
+        Path, typer.Option(help="Folder in which the package's folder NAME is made.")
+    ] = Path(),
 ) -> None:
-    """Write a package with a small working method, its tests and what installs it."""
+    """Write an installable package with a small working method and its tests."""
     from importlib.resources import files
 
     from bench.presets import PRESETS
     from methods.names import check_new_name
     from methods.registry import method_names
 
-    check_new_name(name, (*method_names(), *TASKS, *PRESETS))
+    check_new_name(name, (*method_names(), *TASKS, *PRESETS["paper"].episodes, *PRESETS))
     target = folder / name
     class_name = "".join(part.capitalize() for part in name.split("_"))
     with whole_folder(target) as temporary:

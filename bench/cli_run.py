@@ -1,4 +1,4 @@
-"""`bench run`: compute what is missing of a study."""
+"""`bench run`, `plan`, `time` and `merge`: compute the results of a study."""
 
 import json
 import sys
@@ -6,67 +6,128 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.options import SOME_FAILED, AsJson
-from tasks.errors import InputError, unknown_name
+from bench import parsing
+from bench.options import SOME_FAILED, AsJson, Jobs, number, results_folder
+from tasks.errors import InputError
 from tasks.files import writable_folder
 
 if TYPE_CHECKING:
     from bench.presets import Study
 
-Number = TypeVar("Number", int, float)
-Preset = Annotated[str, typer.Argument(help="smoke, quick or paper.")]
-Seeds = Annotated[str | None, typer.Option(help="A number of seeds, or 1,2,...")]
-Episodes = Annotated[int | None, typer.Option(help="Of each evaluation.")]
+Preset = Annotated[
+    str, typer.Argument(help="Name of a preset: smoke, quick or paper. See `bench describe NAME`.")
+]
+Experiments = Annotated[
+    str | None,
+    typer.Option(
+        help="Comma-separated experiments, such as success,ood; `bench describe NAME` explains"
+        " one. Default: all in the preset."
+    ),
+]
+Tasks = Annotated[
+    str | None,
+    typer.Option(help="Comma-separated tasks, such as door,tool. Default: all in the preset."),
+]
+Methods = Annotated[
+    str | None,
+    typer.Option(
+        help="Comma-separated methods, such as kodex,nn; the expert is always evaluated too."
+        " Default: all in the preset."
+    ),
+]
+Sizes = Annotated[
+    str | None,
+    typer.Option(
+        help="Comma-separated model sizes to compare, such as small,large. Default: all in the"
+        " preset."
+    ),
+]
+Variants = Annotated[
+    str | None,
+    typer.Option(
+        help="Comma-separated variants of methods for the experiment audit, such as"
+        " described,published. Default: all."
+    ),
+]
+Seeds = Annotated[
+    str | None,
+    typer.Option(
+        help="Seeds of the methods' random numbers: how many (5 means 1 to 5), which (2,4; 7, for"
+        " seed 7 alone) or ranges (1-3,7). Default: those of the preset."
+    ),
+]
+Episodes = Annotated[
+    int | None,
+    number(1, "Episodes of each evaluation, such as 500 or 1e4. Default: those of the preset."),
+]
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", help="METHOD.FIELD=VALUE of a config.")
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="METHOD.FIELD=VALUE sets a field of a method's config, such as nn.epochs=50 or"
+        " ngf.hidden=64,32. Repeat the option for more.",
+    ),
 ]
 DemosFile = Annotated[
-    Path | None, typer.Option("--demos", help="File of `bench demos import`, of one task.")
+    Path | None,
+    typer.Option(
+        "--demos",
+        help="File of demonstrations to learn from, written by `bench demos import`; needs one"
+        " task in --tasks. Default: the expert's demonstrations.",
+    ),
 ]
-Jobs = Annotated[int | None, typer.Option(help="Processes at a time; one a core.")]
-Names = Annotated[str | None, typer.Option(help="Comma-separated; all of the preset unless told.")]
 
 
 def run(
     preset: Preset,
-    out: Annotated[Path, typer.Option(help="Results folder; the same again goes on.")],
-    experiments: Names = None,
-    tasks: Names = None,
-    methods: Names = None,
-    sizes: Names = None,
-    variants: Names = None,
+    out: Annotated[Path, typer.Option(help="Results folder. Rerun the same command to resume.")],
+    experiments: Experiments = None,
+    tasks: Tasks = None,
+    methods: Methods = None,
+    sizes: Sizes = None,
+    variants: Variants = None,
     seeds: Seeds = None,
     episodes: Episodes = None,
     demos: DemosFile = None,
     settings: Settings = None,
     jobs: Jobs = None,
-    backend: Annotated[str, typer.Option(help="loky, dask or another of joblib's.")] = "loky",
-    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
-    limit: Annotated[float, typer.Option(help="Minutes that a job may take.")] = 720,
+    backend: Annotated[
+        str, typer.Option(help="Where jobs run: loky (this machine), dask, or another of joblib's.")
+    ] = "loky",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a dask scheduler, such as tls://host:8786; for --backend dask."
+            " Default: dask workers on this machine."
+        ),
+    ] = None,
+    limit: Annotated[
+        float, typer.Option(help="Minutes a job may take; a longer one is ended and fails.")
+    ] = 720,
 ) -> None:
-    """Run a study; the same command again computes what is missing."""
+    """Run a study: fit methods and evaluate them. Only missing results are computed."""
     from bench.backend import Workers
-    from bench.driver import default_jobs
+    from bench.driver import count_jobs
     from bench.driver import run as run_study
 
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
     _warn_of_namesakes(study.methods)
-    count = default_jobs() if jobs is None else _positive("jobs", jobs)
+    count = count_jobs(jobs)
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
     try:
         outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
     except OSError as error:
-        print(f"bench: {error}; what is stored is whole, the same command goes on", file=sys.stderr)
+        print(f"bench: {error}; stored results are intact, rerun to resume", file=sys.stderr)
         raise typer.Exit(SOME_FAILED) from error
     except KeyboardInterrupt:
-        print("stopped; the same command goes on", file=sys.stderr)
+        print("stopped; rerun the same command to resume", file=sys.stderr)
         raise
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
@@ -78,21 +139,23 @@ def run(
 def time(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
 ) -> None:
-    """Measure how long its fits take, one at a time; leave the machine alone meanwhile."""
+    """Measure the CPU time of stored fits, one at a time. Keep the machine otherwise idle."""
     from bench.timing import time_fits
 
-    timed = time_fits(folder, lambda line: print(line, flush=True))
+    timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
     print(f"{timed} fits timed in {folder}")
 
 
 def plan(
     preset: Preset,
-    out: Annotated[Path, typer.Option(help="Results folder, which may hold some already.")],
-    experiments: Names = None,
-    tasks: Names = None,
-    methods: Names = None,
-    sizes: Names = None,
-    variants: Names = None,
+    out: Annotated[
+        Path, typer.Option(help="Results folder of the run; results in it are not counted again.")
+    ],
+    experiments: Experiments = None,
+    tasks: Tasks = None,
+    methods: Methods = None,
+    sizes: Sizes = None,
+    variants: Variants = None,
     seeds: Seeds = None,
     episodes: Episodes = None,
     demos: DemosFile = None,
@@ -100,15 +163,18 @@ def plan(
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what a study will cost on this machine, after a short calibration."""
-    from bench.driver import default_jobs
+    """Estimate time, memory and disk of a study on this machine, after a calibration of minutes.
+
+    Takes the options of `bench run`.
+    """
+    from bench.driver import count_jobs
     from bench.plan import make_plan
 
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
     )
     writable_folder(out)
-    count = default_jobs() if jobs is None else _positive("jobs", jobs)
+    count = count_jobs(jobs)
     made = make_plan(study, out, count)
     if as_json:
         print(json.dumps(asdict(made)))
@@ -136,37 +202,52 @@ def _study(
     demos: Path | None,
     settings: list[str] | None,
 ) -> "Study":
-    """The study that a command line asks for."""
+    """The preset with the changes that the options ask for."""
     from bench.presets import get_preset
 
     study = get_preset(preset)
     if experiments is not None:
-        chosen = _names("experiment", experiments, study.episodes)
+        chosen = _experiments(preset, experiments)
         study = replace(study, episodes={name: study.episodes[name] for name in chosen})
     if episodes is not None:
-        study = replace(
-            study, episodes=dict.fromkeys(study.episodes, _positive("episodes", episodes))
-        )
+        study = replace(study, episodes=dict.fromkeys(study.episodes, episodes))
     if tasks is not None:
         from tasks.registry import TASKS
 
-        study = replace(study, tasks=_names("task", tasks, TASKS))
+        study = replace(study, tasks=parsing.known_names("--tasks", "task", tasks, TASKS))
     if methods is not None:
         from methods.registry import method_names, unusable
 
+        if "expert" in parsing.names("--methods", methods):
+            raise InputError("the expert is evaluated in every run: leave it out of --methods")
         known = dict.fromkeys([*method_names(), *unusable()])
-        study = replace(study, methods=_names("method", methods, known))
+        study = replace(study, methods=parsing.known_names("--methods", "method", methods, known))
     if sizes is not None:
-        study = replace(study, sizes=tuple(sizes.split(",")))
+        study = replace(study, sizes=parsing.names("--sizes", sizes))
     if variants is not None:
-        study = replace(study, variants=tuple(variants.split(",")))
+        study = replace(study, variants=parsing.names("--variants", variants))
     if seeds is not None:
-        study = replace(study, seeds=_seeds(seeds))
+        study = replace(study, seeds=parsing.seeds(seeds))
     if demos is not None:
         from bench.experiments import learning_from
 
         study = learning_from(study, demos)
-    return replace(study, settings=_settings(settings or []))
+    return replace(study, settings=parsing.settings(settings or []))
+
+
+def _experiments(preset: str, text: str) -> tuple[str, ...]:
+    """The experiments in a list, in the preset's order."""
+    from bench.presets import PRESETS
+
+    own = PRESETS[preset].episodes
+    for name in parsing.names("--experiments", text):
+        presets = [other for other, study in PRESETS.items() if name in study.episodes]
+        if presets and preset not in presets:
+            raise InputError(
+                f"the preset {preset} has no experiment {name!r}: use {' or '.join(presets)}, or"
+                f" choose from {', '.join(own)}"
+            )
+    return parsing.known_names("--experiments", "experiment", text, own)
 
 
 def _warn_of_namesakes(methods: Sequence[str]) -> None:
@@ -177,48 +258,13 @@ def _warn_of_namesakes(methods: Sequence[str]) -> None:
             print(f"bench: {fault}; the suite's own is used", file=sys.stderr)
 
 
-def _names(kind: str, text: str, known: Any) -> tuple[str, ...]:
-    names = tuple(text.split(","))
-    for name in names:
-        if name not in known:
-            raise unknown_name(kind, name, known)
-    return tuple(name for name in known if name in names)
-
-
-def _positive(option: str, value: Number) -> Number:
-    if not 1 <= value < inf:  # nor is NaN
-        raise InputError(f"--{option} must be 1 or more, and finite, got {value}")
-    return value
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    """``5`` means seeds 1 to 5, ``2,4`` those two and ``7,`` the seventh alone."""
-    parts = [part for part in text.split(",") if part]
-    if not parts or not all(part.isdecimal() and int(part) for part in parts):
-        raise InputError(f"--seeds takes a number, or numbers from 1 like 1,2,3, got {text!r}")
-    numbers = tuple(int(part) for part in parts)
-    return numbers if "," in text else tuple(range(1, numbers[0] + 1))
-
-
-def _settings(texts: list[str]) -> dict[tuple[str, str], Any]:
-    settings = {}
-    for text in texts:
-        place, equals, value = text.partition("=")
-        method, dot, field = place.partition(".")
-        if not (equals and dot and method and field):
-            raise InputError(f"--set takes METHOD.FIELD=VALUE, got {text!r}")
-        try:
-            settings[method, field] = json.loads(value)
-        except ValueError:
-            settings[method, field] = value
-    return settings
-
-
 def merge(
     folders: Annotated[list[Path], typer.Argument(help="Results folders of `bench run`.")],
-    out: Annotated[Path, typer.Option(help="Results folder that gets everything.")],
+    out: Annotated[Path, typer.Option(help="Results folder to merge into; made if needed.")],
 ) -> None:
-    """Merge results folders, as from several machines, into one."""
+    """Merge results folders into one, for example from several machines."""
     from bench.merge import merge as merge_folders
 
+    for folder in folders:
+        results_folder(folder)
     print(f"{merge_folders(folders, out)} fits in {out}")

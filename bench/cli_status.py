@@ -1,4 +1,4 @@
-"""`bench status` and `doctor`: how a run is getting on, and what machine it is on."""
+"""`bench status` and `doctor`: the progress of a run, and the state of the machine."""
 
 import json
 from pathlib import Path
@@ -6,17 +6,17 @@ from typing import Annotated
 
 import typer
 
-from bench.options import AsJson
+from bench.options import AsJson, results_folder
 
 
 def status(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
     as_json: AsJson = False,
 ) -> None:
-    """Say how much of a study is done, while it runs or after; from any shell."""
+    """Show how much of a study is done, during a run or after it, and what failed."""
     from bench.store import Store
 
-    store = Store(folder)
+    store = Store(results_folder(folder))
     counts = store.progress()
     failures = store.failures()
     if as_json:
@@ -29,10 +29,12 @@ def status(
 
 
 def doctor(
-    folder: Annotated[Path, typer.Argument(help="Where results would be written.")] = Path(),
+    folder: Annotated[
+        Path, typer.Argument(help="Folder to check for free disk space, where results would go.")
+    ] = Path(),
     as_json: AsJson = False,
 ) -> None:
-    """Say what this machine has, and what a run would miss."""
+    """Check this machine: packages, cores, memory, disk, renderer, experts and demonstrations."""
     from bench.doctor import examine
 
     rows = examine(folder)

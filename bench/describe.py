@@ -1,16 +1,17 @@
 """The particulars of what can be run, as plain dictionaries."""
 
 from dataclasses import asdict
+from difflib import get_close_matches
 from typing import Any
 
 from tasks.base import SPLITS, Range, Task
-from tasks.errors import reason_of, unknown_name
+from tasks.errors import InputError, reason_of
 from tasks.masses import NOMINAL, all_changes
 from tasks.registry import TASKS, get_task
 
 
 def describe(name: str) -> dict[str, Any]:
-    """Returns the particulars of a task, a method or a preset; ``kind`` says which it is.
+    """Returns the particulars of a task, method, experiment or preset; ``kind`` says which it is.
 
     Raises:
         InputError: there is nothing of that name.
@@ -21,6 +22,7 @@ def describe(name: str) -> dict[str, Any]:
     kinds = (
         ("task", TASKS, _task),
         ("method", method_names(), _method),
+        ("experiment", PRESETS["paper"].episodes, _experiment),
         ("preset", PRESETS, _preset),
     )
     for kind, names, particulars in kinds:
@@ -28,7 +30,10 @@ def describe(name: str) -> dict[str, Any]:
             return {"kind": kind, **particulars(name)}
     if name in unusable():
         raise unknown_method(name)
-    raise unknown_name("name", name, [known for _, names, _ in kinds for known in names])
+    nearest = get_close_matches(name, [known for _, names, _ in kinds for known in names], n=1)
+    hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+    known = "".join(f"\n  {kind}s: {', '.join(names)}" for kind, names, _ in kinds)
+    raise InputError(f"unknown name {name!r}{hint}\nthere are{known}")
 
 
 def _task(name: str) -> dict[str, Any]:
@@ -94,6 +99,12 @@ def _count(name: str, size: str, task: str) -> int:
     fitted = method(shortened(method.sizes[size], 1), get_task(task).layout)
     fitted.fit(training, validation, 1)
     return sum(array.size for array in fitted.parameters().values())
+
+
+def _experiment(name: str) -> dict[str, Any]:
+    from bench.describe_experiment import describe_experiment
+
+    return describe_experiment(name)
 
 
 def _preset(name: str) -> dict[str, Any]:

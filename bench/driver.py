@@ -65,10 +65,11 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         where: who does the jobs.
 
     Raises:
-        InputError: the study asks for what does not exist, another run writes to the folder, or the
-            folder holds results of another controller, see `Store.check`.
+        InputError: the study asks for what does not exist, there is no such backend, another run
+            writes to the folder, or it holds results of another controller, see `Store.check`.
         KeyboardInterrupt: Ctrl-C; what had ended is stored.
     """
+    where.check()
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = recipes_of(study)
@@ -113,15 +114,21 @@ def _running(folder: Path, where: Workers) -> "Iterator[_Runner]":
         yield _Runner(store, where, progress, interrupts, introduce)
 
 
-def default_jobs() -> int:
-    """Returns how many processes work at a time: BENCH_JOBS, else as many as there are cores.
+def count_jobs(jobs: int | None = None) -> int:
+    """Returns how many processes work at a time.
+
+    Args:
+        jobs: how many; -1 for one on each core, None for BENCH_JOBS, else one on each core.
 
     Raises:
-        InputError: BENCH_JOBS is not a number from 1.
+        InputError: it, or BENCH_JOBS, is another number below 1 or no whole number.
     """
-    text = os.environ.get("BENCH_JOBS") or str(cores())
+    name, text = ("jobs", str(jobs)) if jobs is not None else ("BENCH_JOBS", "")
+    text = text or os.environ.get("BENCH_JOBS") or "-1"
+    if text == "-1":
+        return cores()
     if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"BENCH_JOBS must be a number from 1, got {text!r}")
+        raise InputError(f"{name} must be 1 or more, or -1 for one on each core, got {text!r}")
     return int(text)
 
 

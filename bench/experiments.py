@@ -1,22 +1,22 @@
 """The paper's experiments, each as a list of cells. Experiments share cells freely."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 import pandas as pd
 
 from bench.controller import NO_CONTROLLER, ORIGINAL_SEED, RESEEDED
-from bench.presets import SMALLEST, Study
+from bench.presets import PRESETS, SMALLEST, Study
 from bench.selection import best_size
+from bench.settings import fits_type, typed, wrong_type
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod, Method
 from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
-from methods.registry import get_method
+from methods.registry import SUITE, get_method
 from tasks.demos import adopt_demos, demos_key, load_demos, split
 from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL, PHYSICS, READINGS, VARIATIONS
@@ -43,7 +43,9 @@ def learning_from(study: Study, file: Path) -> Study:
         InputError: the study is of several tasks, or the file is refused, see `adopt_demos`.
     """
     if len(study.tasks) != 1:
-        raise InputError(f"{file} holds demonstrations of one task: choose it with --tasks")
+        raise InputError(
+            f"--demos {file}: a file holds demonstrations of one task: choose it with --tasks"
+        )
     (name,) = study.tasks
     recipe = adopt_demos(get_task(name), file)
     training, _ = split(load_demos(get_task(name), recipe))
@@ -315,7 +317,7 @@ def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
     if "epochs" in names:
         config = replace(config, epochs=max(1, round(config.epochs * study.epochs_share)))
     chosen = {
-        field: _typed(value, get_type_hints(type(config))[field])
+        field: typed(value, get_type_hints(type(config))[field])
         for (name, field), value in study.settings.items()
         if name == method.name
     }
@@ -330,27 +332,42 @@ def _check_names(study: Study) -> None:
     for kind, names, allowed in asked:
         for name in names or ():
             if name not in allowed:
-                raise unknown_name(kind, name, allowed)
+                raise _unknown_label(study, kind, name, allowed)
     if study.variants is not None and "audit" not in study.episodes:
+        presets = [name for name, preset in PRESETS.items() if "audit" in preset.episodes]
         raise InputError(
-            f"variants {', '.join(study.variants)} are chosen for audit, which is not among the"
-            f" experiments of the run: {', '.join(study.episodes)}"
+            "variants are compared by the experiment audit, which is not among the experiments of"
+            f" the run ({', '.join(study.episodes)}); presets with audit: {', '.join(presets)}"
         )
+
+
+def _unknown_label(study: Study, kind: str, name: str, allowed: Iterable[str]) -> InputError:
+    """The error for a size or variant that no method of the run has."""
+    others = [other for other in SUITE if name in getattr(get_method(other), f"{kind}s")]
+    if not others:
+        return unknown_name(kind, name, allowed)
+    return InputError(
+        f"no method of the run ({', '.join(study.methods)}) has the {kind} {name!r}; methods that"
+        f" have it: {', '.join(others)}. Choose from {', '.join(allowed)}, or change --methods"
+    )
 
 
 def _check_settings(study: Study) -> None:
     for (name, field), value in study.settings.items():
         if name not in study.methods:
-            raise InputError(f"a setting for {name!r}, which is not among the methods of the run")
+            get_method(name)
+            raise InputError(
+                f"{name}.{field} is set, but {name} is not among the methods of the run"
+                f" ({', '.join(study.methods)}): add it with --methods, or leave the setting out"
+            )
         for variant in _variants(study, get_method(name)):
             config = next(iter(get_method(name, variant).sizes.values()))
             known = [other.name for other in fields(config)]
             if field not in known:
                 raise unknown_name(f"config field of {name} as {variant}", field, known)
             hint = get_type_hints(type(config))[field]
-            if not _is(value, hint):
-                shown = hint.__name__ if isinstance(hint, type) else hint
-                raise InputError(f"{name}.{field} takes {shown}, got {value!r}")
+            if not fits_type(typed(value, hint), hint):
+                raise wrong_type(f"{name}.{field}", hint, value, getattr(config, field))
         for experiment, swept in _swept(study, get_method(name)).items():
             if field in swept and experiment in study.episodes:
                 raise InputError(
@@ -376,32 +393,6 @@ def _swept(study: Study, method: type[Method]) -> dict[str, set[str]]:
     first = configs[0]
     differ = {field for config in configs for field in first if config[field] != first[field]}
     return swept | {"sizes": differ}
-
-
-def _is(value: Any, hint: Any) -> bool:
-    """Whether a value that was read from JSON is what a config's field is declared as."""
-    if get_origin(hint) in (Union, UnionType):
-        return any(_is(value, option) for option in get_args(hint))
-    if get_origin(hint) is tuple:
-        inner = get_args(hint)
-        if not isinstance(value, list | tuple):
-            return False
-        any_length = inner[-1] is Ellipsis
-        return (any_length or len(value) == len(inner)) and all(_is(v, inner[0]) for v in value)
-    if isinstance(value, bool) or hint is bool:
-        return isinstance(value, bool) and hint is bool
-    if hint is float:
-        return isinstance(value, int | float) and -1e300 < value < 1e300  # and so not NaN
-    return isinstance(value, hint)
-
-
-def _typed(value: Any, hint: Any) -> Any:
-    """A value that was read from JSON, as a config has it: lists as tuples, floats as declared."""
-    if isinstance(value, list):
-        return tuple(_typed(inner, object) for inner in value)
-    options = get_args(hint) or (hint,)
-    whole = float in options and int not in options and _is(value, float)
-    return float(value) if whole else value
 
 
 def _acts(fit: Fit) -> bool:

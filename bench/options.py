@@ -1,10 +1,64 @@
-"""Options and exit codes that several commands share."""
+"""Options, arguments and exit codes that several commands share."""
 
-from typing import Annotated
+import os
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
+from bench.parsing import whole_number
+from tasks.errors import InputError
+
 USAGE_ERROR, SOME_FAILED = 2, 3
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-TaskName = Annotated[str, typer.Argument(help="Name of a task, as `bench list` shows it.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+TaskName = Annotated[str, typer.Argument(help="Name of a task, such as door; see `bench list`.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        help="Processes at a time; -1 for one on each core. Default: BENCH_JOBS, else one on each"
+        " core."
+    ),
+]
+
+
+def number(least: int, text: str) -> Any:
+    """Returns an option that takes a whole number, see `bench.parsing.whole_number`.
+
+    Args:
+        least: the smallest number allowed.
+        text: its help.
+    """
+
+    def parse(given: Any) -> int:
+        try:
+            return whole_number(str(given), least)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from error
+
+    return typer.Option(parser=parse, metavar="NUMBER", help=text)
+
+
+def results_folder(folder: Path, packed: bool = False) -> Path:
+    """Returns a folder once it is known that it holds results. Makes nothing.
+
+    Args:
+        folder: of `bench run`.
+        packed: whether one of `bench pack` will do too.
+
+    Raises:
+        InputError: it does not exist, is a file, or holds no results of that kind.
+    """
+    if not os.path.lexists(folder):
+        raise InputError(f"{folder} does not exist: name a results folder of `bench run`")
+    if not os.path.isdir(folder):
+        raise InputError(f"{folder} is not a folder: name a results folder of `bench run`")
+    small = os.path.exists(folder / "evaluations.parquet")
+    if small and not packed:
+        raise InputError(
+            f"{folder} holds results of `bench pack`, without the fits that this command needs:"
+            " name a results folder of `bench run`"
+        )
+    if not small and not os.path.isdir(folder / "cells"):
+        raise InputError(f"{folder} holds no results: `bench run` writes them, with --out")
+    return folder

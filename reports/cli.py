@@ -1,4 +1,4 @@
-"""`bench report`, `pack`, `compare`, `verify` and `video`: what becomes of stored results."""
+"""`bench report`, `pack`, `compare`, `verify` and `video`: show and check stored results."""
 
 import json
 import os
@@ -9,32 +9,52 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.options import SOME_FAILED, AsJson, TaskName
+from bench.options import SOME_FAILED, AsJson, Jobs, TaskName, number, results_folder
+from bench.parsing import names
 from tasks.errors import InputError
 from tasks.files import whole_file, writable_file, writable_folder
+from tasks.registry import get_task
 
 if TYPE_CHECKING:
     from reports.results import Results
 
+Stored = Annotated[
+    Path | None,
+    typer.Argument(help="Folder of `bench run` or `bench pack`. Give this or --reference."),
+]
+Reference = Annotated[
+    bool, typer.Option("--reference", help="Use the shipped results instead of a folder.")
+]
 Beside = Annotated[
-    bool, typer.Option("--with-reference", help="Shipped results of other methods beside them.")
+    bool,
+    typer.Option("--with-reference", help="Add the shipped results of methods not in the folder."),
 ]
 Mixed = Annotated[
-    bool, typer.Option("--mixed", help="Show results that cannot be compared, and say why.")
+    bool,
+    typer.Option(
+        "--mixed",
+        help="Show results together that were not run alike, with a note of what differs.",
+    ),
 ]
 
 
 def report(
-    folder: Annotated[
-        Path | None, typer.Argument(help="Of `bench run` or `bench pack`; else --reference.")
-    ] = None,
-    reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
+    folder: Stored = None,
+    reference: Reference = False,
     with_reference: Beside = False,
     mixed: Mixed = False,
-    out: Annotated[Path | None, typer.Option(help="Else FOLDER/report, or ./report.")] = None,
-    export: Annotated[Path | None, typer.Option(help="Parquet file for all episodes.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the report. Default: FOLDER/report, or ./report with --reference."
+        ),
+    ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(help="File for a table of all episodes, such as episodes.parquet."),
+    ] = None,
 ) -> None:
-    """Write tables, figures and page of stored or shipped results; exit code 3 if one fails."""
+    """Write tables, figures and a web page (index.html) of results. Exit code 3 if one fails."""
     from bench.store import episodes_table
     from reports.results import Results
     from reports.write import write_report
@@ -61,34 +81,42 @@ def report(
 
 
 def pack(
-    folders: Annotated[list[Path], typer.Argument(help="Of `bench run` or `bench pack`.")],
-    out: Annotated[Path, typer.Option(help="Folder that gets the small form.")],
+    folders: Annotated[
+        list[Path], typer.Argument(help="Folders of `bench run` or `bench pack`, joined into one.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the packed results; made if needed.")],
 ) -> None:
-    """Write results in a small form to share: all that reports need, and no weights."""
+    """Pack results into a few small files to share: what reports need, without weights."""
     from reports.reference import pack as pack_results
 
+    for folder in folders:
+        results_folder(folder, packed=True)
     pack_results(folders, writable_folder(out))
     size = sum(path.stat().st_size for path in out.iterdir())
     print(f"{size / 2**20:.1f} MiB in {out}; bench report {out} shows them")
 
 
 def compare(
-    folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
-    methods: Annotated[str, typer.Option(help="Two or more, comma-separated.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of `bench run` or `bench pack`.")],
+    methods: Annotated[
+        str,
+        typer.Option(help="Two or more comma-separated methods, such as kodex,nn or kodex,expert."),
+    ],
     with_reference: Beside = False,
     mixed: Mixed = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare methods on the same starts: difference, 95% interval, p, and q of false discovery."""
+    """Compare methods on the same starts: difference with 95% interval, p, and corrected p (q)."""
     from reports.compare import compare as compare_methods
     from reports.compare import compared
     from reports.results import Results
 
-    results, names = Results(folder, with_reference), methods.split(",")
+    chosen = names("--methods", methods)
+    results = Results(results_folder(folder, packed=True), with_reference)
     if not mixed and not with_reference:
         results.check_versions()
-    results.check_protocol(compared(results, names), mixed)
-    table = compare_methods(results, names)
+    results.check_protocol(compared(results, chosen), mixed)
+    table = compare_methods(results, chosen)
     if as_json:
         print(table.to_json(orient="records"))
     else:
@@ -99,31 +127,32 @@ def compare(
 
 
 def _print_notes(results: "Results", aside: bool = False) -> None:
-    """Prints what a reader must know; to stderr, beside what programs read."""
+    """Prints notes for the reader, to stderr if stdout holds JSON."""
     for note in results.notes:
         print(note, file=sys.stderr if aside else sys.stdout)
 
 
 def verify(
-    folder: Annotated[
-        Path | None, typer.Argument(help="Of `bench run` or `bench pack`; else --reference.")
-    ] = None,
-    reference: Annotated[bool, typer.Option("--reference", help="The shipped results.")] = False,
-    cells: Annotated[int, typer.Option(min=1, help="Evaluations, drawn at random.")] = 3,
-    episodes: Annotated[int, typer.Option(min=1, help="Of each, at most.")] = 500,
-    draw: Annotated[int, typer.Option(help="Another number draws others.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time.")] = None,
+    folder: Stored = None,
+    reference: Reference = False,
+    cells: Annotated[int, number(1, "Stored evaluations to repeat, drawn at random.")] = 3,
+    episodes: Annotated[int, number(1, "Episodes to repeat of each, at most.")] = 500,
+    draw: Annotated[int, number(0, "Seed of the draw; another number draws others.")] = 0,
+    jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit and evaluate some of the stored results again; exit code 3 if they are other ones."""
+    """Repeat some stored fits and evaluations and compare. Exit code 3 if one differs too much.
+
+    An evaluation differs too much if its success is outside the 95% interval of the stored one.
+    """
     from bench.backend import Workers
-    from bench.driver import default_jobs
+    from bench.driver import count_jobs
     from bench.verify import OUTSIDE
     from bench.verify import verify as verify_results
     from reports.reference import open_results
 
-    source = open_results(_one_of(folder, reference))
-    found = verify_results(source, cells, episodes, draw, Workers(jobs or default_jobs()))
+    source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
+    found = verify_results(source, cells, episodes, draw, where)
     if as_json:
         print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))
     else:
@@ -137,36 +166,47 @@ def verify(
 
 
 def _one_of(folder: Path | None, reference: bool) -> Path:
-    """The folder, or that of the shipped results."""
+    """The results folder, or the folder of the shipped results."""
     from reports.reference import shipped
 
     if (folder is None) is not reference:
-        raise InputError("this is about a results folder, or --reference: give one of them")
-    return folder or shipped()
+        both = "" if folder is None else ", not both"
+        raise InputError(f"give a results folder or --reference (the shipped results){both}")
+    return shipped() if folder is None else results_folder(folder, packed=True)
 
 
 def video(
     task: TaskName,
     results: Annotated[Path, typer.Option(help="Results folder of `bench run`.")],
-    methods: Annotated[str, typer.Option(help="Comma-separated, from left to right.")],
+    methods: Annotated[
+        str,
+        typer.Option(help="Comma-separated methods, from left to right, such as kodex,expert."),
+    ],
     start: Annotated[
-        int | None, typer.Option(min=0, help="Of test; else a success and a failure of the first.")
+        int | None,
+        number(
+            0, "Index of a test start. Default: one success and one failure of the first method."
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder; else RESULTS/videos.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the films. Default: RESULTS/videos.")
+    ] = None,
 ) -> None:
-    """Film methods side by side from the same start, what each had planned as a ghost."""
+    """Film methods side by side from the same start, with the predicted motion as a ghost."""
     from bench.renderer import renderer
 
+    get_task(task)
+    chosen = names("--methods", methods)
+    results_folder(results)
     drawing = renderer()
     if drawing is None:
-        raise InputError("this machine cannot draw: see bench doctor")
+        raise InputError("this machine cannot draw: see `bench doctor`")
     os.environ["MUJOCO_GL"] = drawing
     from reports.video import film, telling
 
     place = writable_folder(out or results / "videos")
-    names = methods.split(",")
-    starts = telling(results, task, names[0]) if start is None else {f"start-{start}": start}
+    starts = telling(results, task, chosen[0]) if start is None else {f"start-{start}": start}
     for name, index in starts.items():
         path = place / f"{task}-{name}.mp4"
-        film(results, task, names, index, path)
+        film(results, task, chosen, index, path)
         print(path)

@@ -143,7 +143,11 @@ def frames(takes: Sequence[Take]) -> Iterator[Frame]:
 def _row(results: Results, task: str, method: str) -> dict[str, Any]:
     found = results.main(task=task, method=method, split="test").sort_values("seed")
     if found.empty:
-        raise InputError(f"no results of {method!r} on unseen starts of {task!r} to film")
+        known = results.main(task=task, split="test").method.unique()
+        raise InputError(
+            f"no results of {method!r} on unseen starts of {task!r}; methods that have some:"
+            f" {', '.join(known) or 'none'}"
+        )
     return dict(found.to_dict("records")[0])
 
 

@@ -4,9 +4,11 @@ import hashlib
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load
 
@@ -25,6 +27,11 @@ VERSION = 1
 _BLOCK = 300
 """Starts tried at a time."""
 _FOLDER = "demos"
+_ARRAYS = ("states", "velocities", "actions", "start_index", "start_values")
+_MAKING = (
+    f"such a file is in the safetensors format, with the arrays {', '.join(_ARRAYS)};"
+    " `bench demos import` makes one from a Minari data set, and tasks.demos.save_demos in Python"
+)
 _CURE = "set BENCH_CACHE to another folder"
 
 
@@ -182,12 +189,7 @@ def adopt_demos(task: Task, file: Path) -> str:
         InputError: it is no such file, is damaged, is of other dimensions than the task, or holds
             what `Starts` or `Demos` refuse; or the cache cannot be written to.
     """
-    data = _read(file)
-    if data is None:
-        raise InputError(
-            f"{file} is not what `bench demos import` writes, or not what its SHA-256 says"
-        )
-    found = _from_bytes(task, data, file)
+    found = _from_bytes(task, _read_file(file), file)
     _check_for(task, found, file)
     # Of what is kept, not of the file: its numbers may have been converted.
     data = _to_bytes(found)
@@ -271,6 +273,45 @@ def _read(path: Path) -> bytes | None:
     return data if hashlib.sha256(data).hexdigest().encode() == noted else None
 
 
+def _read_file(file: Path) -> bytes:
+    """The bytes of a file of demonstrations that somebody names.
+
+    Raises:
+        InputError: it does not exist, is a folder, or is not what `save_demos` writes.
+    """
+    if os.path.isdir(file):
+        raise InputError(
+            f"{file} is a folder: `bench demos import TASK {file} --out FILE` makes a file of"
+            " demonstrations from a Minari data set"
+        )
+    data = _read(file)
+    if data is not None:
+        return data
+    if not os.path.exists(file):
+        raise InputError(f"{file} does not exist; {_MAKING}")
+    digest = _digest_path(file)
+    if digest.exists():
+        raise InputError(f"{file} is damaged: its SHA-256 is not the one in {digest.name}")
+    _check_arrays(file.read_bytes(), file)
+    raise InputError(
+        f"{file} lacks its SHA-256, which is written beside it as {digest.name}: copy both files"
+    )
+
+
+def _check_arrays(data: bytes, file: Path) -> dict[str, NDArray[Any]]:
+    """Returns the arrays of a file of demonstrations; InputError if it is none."""
+    try:
+        arrays = load(data)
+    except SafetensorError as error:
+        raise InputError(f"{file} is no file of demonstrations; {_MAKING}") from error
+    missing = [name for name in _ARRAYS if name not in arrays]
+    if missing:
+        raise InputError(
+            f"{file} holds no demonstrations: it lacks {', '.join(missing)}; {_MAKING}"
+        )
+    return arrays
+
+
 def _digest_path(path: Path) -> Path:
     return path.with_name(f"{path.name}.sha256")
 
@@ -288,11 +329,11 @@ def _to_bytes(demos: Demos) -> bytes:
 
 
 def _from_bytes(task: Task, data: bytes, file: Path) -> Demos:
+    arrays = _check_arrays(data, file)
     try:
-        arrays = load(data)
         starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
         return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-    except (SafetensorError, KeyError, TypeError, AttributeError) as error:
+    except (TypeError, AttributeError) as error:
         raise InputError(f"{file} holds no demonstrations: {described(error)}") from error

@@ -190,6 +190,8 @@ def _pitch_and_yaw(quaternion: FloatArray) -> FloatArray:
 def _read_episodes(task: Task, folder: Path) -> list[_Episode]:
     file = folder / "data" / "main_data.hdf5"
     metadata = folder / "data" / "metadata.json"
+    if not folder.exists():
+        raise InputError(f"{folder} does not exist: name the folder of a Minari data set")
     if not file.is_file() or not metadata.is_file():
         raise InputError(f"{folder} is no Minari data set in HDF5: it lacks {file} or {metadata}")
     try:

@@ -333,7 +333,8 @@ def read_checkpoint(folder: Path) -> tuple[dict[str, torch.Tensor], dict[str, st
     """
     path = folder / "checkpoint.safetensors"
     if not path.exists():
-        raise InputError(f"{folder} is no training run: it holds no {path.name}")
+        reason = f"it holds no {path.name}" if folder.exists() else "it does not exist"
+        raise InputError(f"{folder} is no folder of `bench expert train`: {reason}")
     with safe_open(path, "pt") as file:
         names = file.keys()
         return {name: file.get_tensor(name) for name in names}, file.metadata()

@@ -1,15 +1,19 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
+from importlib.metadata import version
 from itertools import pairwise
 
 import pytest
+import typer
 
-from bench.experiments import EXPERIMENTS
+from bench.cli import app
+from bench.experiments import EXPERIMENTS, cells_of, recipes_of
 from bench.presets import PRESETS
 from bench.store import Store
-from reports.write import Report
-from tasks.masses import physics_names
+from reports.write import MODULES, Report
+from tasks.masses import VARIATIONS, physics_names
 from tasks.registry import TASKS, get_task
 
 
@@ -91,11 +95,53 @@ def test_describe_gives_the_experiments_of_a_preset(bench):
     assert "bench plan paper" in bench("describe", "paper")[1]
 
 
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_describe_tells_what_an_experiment_computes(bench, name):
+    code, out, _ = bench("describe", name, "--json")
+    facts = json.loads(out)
+    assert (code, facts["kind"], facts["name"]) == (0, "experiment", name)
+    assert facts["measures"]
+    assert facts["varies"]
+    for preset, study in PRESETS.items():
+        alone = replace(study, episodes={n: k for n, k in study.episodes.items() if n == name})
+        cells = cells_of(alone, recipes_of(alone)) if alone.episodes else []
+        counts = facts["presets"][preset]
+        assert (counts is None) == (name not in study.episodes)
+        if counts:
+            assert counts["episodes"] == study.episodes[name]
+            assert counts["evaluations"] == len(cells)
+            if name != "audit":  # beside robustness it takes as few episodes
+                assert counts["episodes_in_all"] == sum(cell.episodes for cell in cells)
+            assert {cell.evaluation.split for cell in cells} <= set(facts["splits"])
+            assert {cell.evaluation.physics for cell in cells} <= set(facts["physics"])
+            assert {cell.evaluation.controller for cell in cells} <= set(facts["controllers"])
+    said = bench("describe", name)[1]
+    for expected in (facts["measures"], facts["varies"], "paper", *facts["splits"]):
+        assert expected in said
+
+
+def test_describe_gives_the_conditions_of_robustness(bench):
+    facts = json.loads(bench("describe", "robustness", "--json")[1])
+    assert list(facts["splits"]) == ["test"]
+    assert facts["physics"] == ["nominal", *VARIATIONS]
+    assert set(facts["controllers"]) == {"none", "original", "tuned"}
+    assert facts["exhibits"]["paper"] == ["table_7", "table_8", "table_9", "table_10"]
+    assert (facts["presets"]["smoke"], facts["presets"]["paper"]["episodes"]) == (None, 200)
+
+
+def test_every_exhibit_belongs_to_an_experiment(bench):
+    facts = [json.loads(bench("describe", name, "--json")[1]) for name in EXPERIMENTS]
+    named = {e for one in facts for names in one["exhibits"].values() for e in names}
+    assert named == set(MODULES)
+
+
 def test_an_unknown_name_ends_with_the_nearest_name_and_exit_code_2(bench):
     code, out, err = bench("describe", "relocate")
     assert (code, out) == (2, "")
     assert "unknown name 'relocate'" in err
     assert "did you mean 'relocation'" in err
+    for kind in ("tasks: tool", "methods: kodex", "experiments: sizes", "presets: smoke"):
+        assert kind in err
 
 
 def test_models_are_told_apart_by_their_hash():
@@ -104,7 +150,7 @@ def test_models_are_told_apart_by_their_hash():
 
 def test_listing_needs_no_simulator():
     code = (
-        "import sys; from bench.cli import list_names; list_names();"
+        "import sys; from bench.cli import cli_describe; cli_describe.list_names();"
         " sys.exit(any(name in sys.modules for name in ('mujoco', 'torch', 'pandas', 'scipy')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -129,10 +175,77 @@ def test_doctor_says_what_there_is_and_what_is_missing(bench, tmp_path, monkeypa
     assert f"disk at {tmp_path}" in found
 
 
-def test_status_of_nothing_is_refused(bench, tmp_path):
-    code, _, error = bench("status", str(tmp_path / "nothing"))
+READERS = {
+    "status": ("status", "DIR"),
+    "time": ("time", "DIR"),
+    "merge": ("merge", "DIR", "--out", "OUT"),
+    "pack": ("pack", "DIR", "--out", "OUT"),
+    "report": ("report", "DIR"),
+    "compare": ("compare", "DIR", "--methods", "kodex,nn"),
+    "verify": ("verify", "DIR"),
+    "video": ("video", "door", "--results", "DIR", "--methods", "kodex"),
+}
+
+
+@pytest.mark.parametrize(
+    ("what", "answer"),
+    [
+        ("nothing", "does not exist: name a results folder"),
+        ("file", "is not a folder: name a results folder"),
+        ("folder", "holds no results: `bench run` writes them"),
+    ],
+)
+@pytest.mark.parametrize("command", READERS.values(), ids=READERS)
+def test_a_folder_without_results_is_refused_and_never_made(
+    bench, tmp_path, monkeypatch, command, what, answer
+):
+    monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    places = {"DIR": str(tmp_path / what), "OUT": str(tmp_path / "out")}
+    code, said, error = bench(*(places.get(word, word) for word in command))
+    assert (code, said) == (2, "")
+    assert f"{tmp_path / what} {answer}" in error
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("command", ["status", "time", "merge", "video"])
+def test_packed_results_are_refused_where_fits_are_needed(bench, tmp_path, monkeypatch, command):
+    (tmp_path / "evaluations.parquet").touch()
+    places = {"DIR": str(tmp_path), "OUT": str(tmp_path / "out")}
+    code, _, error = bench(*(places.get(word, word) for word in READERS[command]))
     assert code == 2
-    assert "holds no results" in error
+    assert "holds results of `bench pack`" in error
+
+
+def every_command():
+    """Returns the words of every command and group."""
+    found, left = [], [((), typer.main.get_command(app))]
+    while left:
+        words, command = left.pop()
+        found.append(words)
+        left += [((*words, name), one) for name, one in getattr(command, "commands", {}).items()]
+    return sorted(found)
+
+
+@pytest.mark.parametrize("words", every_command(), ids=" ".join)
+def test_every_command_explains_itself_with_h(bench, words):
+    code, said, error = bench(*words, "-h")
+    assert (code, error) == (0, "")
+    assert said == bench(*words, "--help")[1]
+
+
+@pytest.mark.parametrize("words", every_command(), ids=" ".join)
+def test_every_option_and_argument_has_help(words):
+    command = typer.main.get_command(app)
+    for word in words:
+        command = command.commands[word]
+    assert [param.name for param in command.params if not getattr(param, "help", "")] == []
+
+
+def test_the_version_is_that_of_the_package(bench):
+    assert bench("--version") == (0, f"kodex-bench {version('kodex-bench')}\n", "")
 
 
 @pytest.mark.parametrize(

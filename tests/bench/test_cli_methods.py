@@ -62,7 +62,7 @@ def test_new_method_says_what_to_do_next(bench, tmp_path):
     [
         *("my method", "Mine", "kodex", "1st", "_x", "methodé", "x" * 41, "a\nb"),
         *("class", "none", "expert", "validation", "random", "numpy", "torch", "setuptools"),
-        *("methods", "bench", "door", "paper"),
+        *("methods", "bench", "door", "paper", "audit"),
     ],
 )
 def test_names_that_will_not_do_are_refused(bench, tmp_path, name):

@@ -44,7 +44,7 @@ def test_evaluate_can_be_read_by_a_person(task, shipped, bench):
     [
         ("--split", "odd", "did you mean 'ood'"),
         ("--physics", "heavy", "heavy_object"),
-        ("--episodes", "0", "must be 1 or more"),
+        ("--episodes", "0", "Invalid value for '--episodes'"),
     ],
 )
 def test_what_cannot_be_evaluated_is_a_usage_error(task, shipped, bench, option, value, answer):
@@ -103,6 +103,29 @@ def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp
     code, out, _ = bench("demos", "verify", "door", str(folder))
     assert code == 3
     assert "5 of 8" in out
+
+
+def test_no_demonstrations_are_made_if_a_name_is_wrong(task, shipped, bench):
+    code, _, err = bench("demos", "make", "door", "relocate")
+    assert code == 2
+    assert "did you mean 'relocation'" in err
+    assert not demos_path(task).exists()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("demos", "import", "door", "DIR", "--out", "OUT"),
+        ("demos", "verify", "door", "DIR"),
+        ("expert", "probe", "door", "--folder", "DIR"),
+    ],
+)
+def test_a_folder_that_does_not_exist_is_named(task, shipped, bench, tmp_path, command):
+    places = {"DIR": str(tmp_path / "nothing"), "OUT": str(tmp_path / "out")}
+    code, _, err = bench(*(places.get(word, word) for word in command))
+    assert code == 2
+    assert str(tmp_path / "nothing") in err
+    assert "does not exist" in err
 
 
 def test_an_import_replaces_no_file(task, shipped, bench, tmp_path):

@@ -140,7 +140,7 @@ def test_a_write_that_fails_leaves_nothing_torn(
             break
         assert code == 3
         assert f"bench: [Errno {error}] {os.strerror(error)}" in said
-        assert "the same command goes on" in said
+        assert "rerun the same command to resume" in said
         assert set(files_of(out).items()) <= set(files_of(whole).items())
         assert bench(*options)[0] == 0
         assert files_of(out) == files_of(whole)

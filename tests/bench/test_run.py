@@ -13,9 +13,10 @@ from bench import load
 from bench import run as run_from_python
 from bench.backend import Workers
 from bench.controller import ControllerConfig
-from bench.driver import run
+from bench.driver import cores, run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, learning_from, recipes_of
 from bench.merge import merge
+from bench.parsing import settings
 from bench.plan import schedule
 from bench.presets import get_preset
 from bench.selection import best_size
@@ -99,6 +100,19 @@ class TestInProcess:
         after = json.loads(bench("plan", *options, "--json")[1])
         assert (after["missing_fits"], after["missing_episodes"], after["cpu_hours"]) == (0, 0, 0)
         assert "5 cells; missing: 0 controllers" in bench("plan", *options)[1]
+
+    def test_options_take_spaces_ranges_exponents_and_all_cores(self, task, smoke, bench, tmp_path):
+        plain = ("--tasks", "door", "--methods", "kodex", "--experiments", "success,ood")
+        plain += ("--seeds", "3", "--episodes", "10", "--jobs", str(cores()))
+        other = ("--tasks", " door,", "--methods", "kodex ,kodex", "--experiments", "ood, success")
+        other += ("--seeds", "1-2, 3", "--episodes", "1e1", "--jobs", "-1")
+        plans = [
+            json.loads(bench("plan", "smoke", *options, "--out", str(tmp_path), "--json")[1])
+            for options in (plain, other)
+        ]
+        counts = ("cells", "missing_fits", "missing_evaluations", "missing_episodes", "memory_gib")
+        assert plans[0]["missing_episodes"] == 4 * 10
+        assert [plans[0][name] for name in counts] == [plans[1][name] for name in counts]
 
     def test_a_study_that_does_not_fit_is_refused(self, task, smoke, bench, tmp_path, monkeypatch):
         options = ("plan", "smoke", "--out", str(tmp_path), "--jobs", "1")
@@ -225,6 +239,14 @@ class TestInProcess:
         assert {path.read_bytes() for path in (tmp_path / "damaged").iterdir()} == before
         assert run(study, tmp_path, Workers(1, "sequential")).done == 0
 
+    @pytest.mark.parametrize("written", ["64,32", "(64, 32)", "[64,32]"])
+    def test_a_tuple_may_be_set_with_or_without_brackets(self, task, smoke, written):
+        (place, value), *_ = settings([f"ngf.hidden={written}"]).items()
+        study = replace(get_preset("smoke"), methods=("ngf",), settings={place: value})
+        study = replace(study, episodes={"success": 1})
+        configs = [cell.fit.config for cell in cells_of(study, {"door": "recipe"})]
+        assert [config["hidden"] for config in configs if config] == [[64, 32]]
+
     def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
         out = ("--out", str(tmp_path), "--jobs", "1")
         bench("run", "smoke", *out)
@@ -316,17 +338,32 @@ class TestInProcess:
         assert re.search(answer, error)
         assert not out.exists()
 
-    @pytest.mark.parametrize("harm", ["flipped", "no file", "other content"])
+    @pytest.mark.parametrize(
+        ("harm", "answer"),
+        [
+            ("flipped", "is damaged: its SHA-256 is not the one in mine.safetensors.sha256"),
+            ("no file", "mine.safetensors does not exist"),
+            ("a folder", "bench demos import TASK"),
+            ("no SHA-256", "lacks its SHA-256, which is written beside it as mine.safe"),
+            ("text", "is no file of demonstrations; such a file is in the safetensors format"),
+            ("other content", "`bench demos import` makes one"),
+        ],
+    )
     def test_a_file_without_sound_demonstrations_is_refused(
-        self, task, smoke, bench, tmp_path, harm
+        self, task, smoke, bench, tmp_path, harm, answer
     ):
         file, out = tmp_path / "mine.safetensors", tmp_path / "results"
         save_demos(load_demos(task), file)
         data = file.read_bytes()
         if harm == "flipped":
             file.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
-        elif harm == "no file":
+        elif harm in ("no file", "a folder"):
             file.unlink()
+            if harm == "a folder":
+                file.mkdir()
+        elif harm in ("no SHA-256", "text"):
+            file.with_name("mine.safetensors.sha256").unlink()
+            file.write_bytes(b"text" if harm == "text" else data)
         else:
             file.write_bytes(b"not safetensors")
             digest = hashlib.sha256(b"not safetensors").hexdigest()
@@ -334,6 +371,7 @@ class TestInProcess:
         code, _, error = bench("run", "smoke", "--out", str(out), "--demos", str(file))
         assert code == 2
         assert str(file) in error
+        assert answer in error
         assert not out.exists()
 
     def test_parts_pack_into_one(self, task, smoke, bench, tmp_path, files_of):
@@ -442,7 +480,7 @@ class TestInProcess:
             assert code == 2
             assert error.startswith("bench: kodex and nn cannot be compared on door\n")
             assert re.search(r"demos +3 +6\n +demos of +\w{8} +the expert\n", error)
-        assert bench("compare", out, "--methods", "kodex,expert")[0] == 0
+        assert bench("compare", out, "--methods", "kodex, expert,")[0] == 0
         assert "kodex (demos 3, demos of" in bench("report", out, "--mixed")[1]
 
     def test_the_expert_beside_demonstrations_of_a_file_is_said_to_be_the_suites_own(
@@ -565,7 +603,7 @@ class TestInProcess:
         for options in ((), (str(tmp_path), "--reference")):
             code, _, error = bench("report", *options)
             assert code == 2
-            assert "give one of them" in error
+            assert "give a results folder or --reference" in error
 
     def test_a_report_of_the_same_results_has_the_same_bytes(
         self, task, smoke, bench, tmp_path, files_of
@@ -582,24 +620,44 @@ class TestInProcess:
             (("smok",), "did you mean 'smoke'"),
             (("smoke", "--tasks", "dor"), "did you mean 'door'"),
             (("smoke", "--methods", "kodx"), "did you mean 'kodex'"),
+            (("smoke", "--tasks", "door, relocate"), "did you mean 'relocation'"),
+            (("smoke", "--tasks", ","), "--tasks takes names separated by commas"),
+            (("smoke", "--methods", "kodex,expert"), "the expert is evaluated in every run"),
             (("smoke", "--sizes", "singel"), "did you mean 'single'"),
+            (
+                ("smoke", "--sizes", "small"),
+                "has the size 'small'; methods that have it: nn, lstm, ndp",
+            ),
             (("smoke", "--variants", "publishd"), "choose from described"),
-            (("smoke", "--variants", "described"), "chosen for audit, which is not among"),
+            (("smoke", "--variants", "described"), "presets with audit: paper"),
             (("smoke", "--experiments", "suces"), "did you mean 'success'"),
+            (
+                ("smoke", "--experiments", "success,robustness"),
+                "the preset smoke has no experiment 'robustness': use paper, or choose from sizes,",
+            ),
+            (("smoke", "--experiments", "lifting"), "use quick or paper, or choose from"),
             (("smoke", "--seeds", "x"), "--seeds takes a number"),
             (("smoke", "--seeds", "0"), "--seeds takes a number"),
-            (("smoke", "--episodes", "0"), "--episodes must be 1 or more"),
-            (("smoke", "--jobs", "0"), "--jobs must be 1 or more"),
+            (("smoke", "--episodes", "0"), "whole number from 1"),
+            (("smoke", "--episodes", "1.5"), "got '1.5'"),
+            (("smoke", "--jobs", "0"), "jobs must be 1 or more, or -1 for one on each core, got"),
+            (("smoke", "--jobs", "-2"), "jobs must be 1 or more"),
+            (("smoke", "--backend", "lok"), "did you mean 'loky'"),
             (("smoke", "--limit", "nan"), "--limit must be above 0"),
             (("smoke", "--limit", "inf"), "--limit must be above 0, and finite, got inf"),
             (("smoke", "--set", "kodex"), "METHOD.FIELD=VALUE"),
             (("smoke", "--set", "kodex.observabls=2"), "did you mean 'observables'"),
-            (("smoke", "--set", "kodx.observables=2"), "not among the methods"),
+            (("smoke", "--set", "kodx.observables=2"), "did you mean 'kodex'"),
+            (("smoke", "--set", "nn.epochs=2"), "not among the methods of the run (kodex)"),
             (("smoke", "--set", "kodex.observables=9"), "choose from [1, 2, 3, 4]"),
             (("smoke", "--set", "kodex.cutoff=-1"), "cutoff must be 0 or more, got -1"),
             (
                 ("smoke", "--methods", "ngf", "--set", "ngf.hidden=[64]"),
-                "ngf.hidden takes tuple[int, int], got [64]",
+                "ngf.hidden takes tuple[int, int], got [64]; for example --set ngf.hidden=64,32",
+            ),
+            (
+                ("smoke", "--methods", "nn", "--set", "nn.residual=yes"),
+                "nn.residual takes bool, got 'yes'; for example --set nn.residual=true",
             ),
         ],
     )
@@ -608,7 +666,7 @@ class TestInProcess:
         code, said, error = bench("run", *options, "--out", str(out))
         assert (code, said) == (2, "")
         assert answer in error
-        assert not (out / "cells").exists()
+        assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -648,6 +706,12 @@ def test_what_comes_of_a_file_of_demonstrations_hangs_on_the_simulator(monkeypat
             assert cell.evaluation.key(cell.fit) != evaluation
 
 
+def test_a_whole_number_may_be_set_with_an_exponent():
+    study = replace(get_preset("smoke"), methods=("nn",), settings=settings(["nn.epochs=1e3"]))
+    configs = [cell.fit.config for cell in cells_of(study, {"door": "recipe"})]
+    assert {repr(config["epochs"]) for config in configs if config} == {"1000"}
+
+
 @pytest.mark.parametrize(
     ("name", "field"), [("kodex", "cutoff"), ("ndp", "goal_gain"), ("ndp", "weight_gain")]
 )
@@ -675,7 +739,7 @@ def test_a_method_without_the_chosen_sizes_has_its_own():
     sizes = {(cell.fit.method, cell.fit.size) for cell in cells}
     assert ("kodex", "single") in sizes
     assert {size for name, size in sizes if name not in ("kodex", "expert")} == {"large"}
-    with pytest.raises(InputError, match="unknown size 'single'"):
+    with pytest.raises(InputError, match="has the size 'single'; methods that have it: kodex"):
         cells_of(replace(study, methods=("nn",), sizes=("single",)), {})
 
 

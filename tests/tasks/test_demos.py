@@ -175,7 +175,7 @@ def test_the_key_of_a_file_is_that_of_its_bytes(task, shipped, tmp_path):
         ("start_values", lambda a: a + 100, "allowed is"),
         ("velocities", lambda a: a[:, :-1], "got shapes"),
         ("states", lambda a: a[..., :-1], "in each demonstration, got"),
-        ("actions", lambda a: None, "holds no demonstrations: KeyError"),
+        ("actions", lambda a: None, "holds no demonstrations: it lacks actions; such a file"),
     ],
 )
 def test_what_a_file_must_not_hold_is_refused_with_its_name(

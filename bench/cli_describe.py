@@ -1,0 +1,148 @@
+"""`bench list` and `describe`: what can be run."""
+
+import json
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from bench.options import AsJson
+from tasks.registry import TASKS
+
+
+def list_names(as_json: AsJson = False) -> None:
+    """List the names of all tasks, methods, experiments and presets."""
+    from bench.presets import PRESETS
+    from methods.registry import method_names
+
+    names = {
+        "tasks": list(TASKS),
+        "methods": method_names(),
+        "experiments": list(PRESETS["paper"].episodes),
+        "presets": list(PRESETS),
+    }
+    if as_json:
+        print(json.dumps(names))
+        return
+    for kind, known in names.items():
+        print(f"{kind}: {', '.join(known)}")
+
+
+def describe(
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Name of a task, method, experiment or preset, such as door, kodex, audit or"
+            " paper; see `bench list`."
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Describe a task, a method, an experiment or a preset."""
+    from bench.describe import describe as describe_name
+
+    facts = describe_name(name)
+    if as_json:
+        print(json.dumps(facts))
+        return
+    printers = {
+        "task": _print_task,
+        "method": _print_method,
+        "experiment": _print_experiment,
+        "preset": _print_preset,
+    }
+    printers[facts["kind"]](facts)
+
+
+def _print_task(facts: dict[str, Any]) -> None:
+    print(f"{facts['name']}: {facts['summary']}")
+    print(f"T = {facts['horizon']} states, a control step of 10 ms between two of them")
+    print("H = {robot_dim} joints, O = {object_dim}, A = {action_dim} actuators".format(**facts))
+    print(f"success: {facts['success']}")
+    print(f"model: {facts['model_file']}, SHA-256 {facts['model_hash']}\n")
+    _print_table("state x = [x_r, x_o]", facts["components"])
+    _print_table("what the success rule reads", [facts["reading"]])
+    _print_table("starts, drawn uniformly", _start_rows(facts))
+    changes = facts["physics"].items()
+    _print_table("physics", [{"name": name, **(change or {})} for name, change in changes])
+
+
+def _print_method(facts: dict[str, Any]) -> None:
+    print("{name}: {summary}, version {version}".format(**facts))
+    seed = "" if facts["seeds"] else "; the seed changes nothing"
+    print(f"predicts {facts['predicts']}{seed}")
+    sizes = facts["sizes"]
+    fields = list(next(iter(sizes.values())))
+    rows = [
+        {"field": field, **{size: str(sizes[size][field]) for size in sizes}} for field in fields
+    ]
+    _print_table("configs by size", rows)
+    counts = facts["parameters"].items()
+    _print_table("numbers stored of a fit", [{"size": size, **by_task} for size, by_task in counts])
+    chosen = [{"task": task, "size": size} for task, size in facts["default_size"].items()]
+    _print_table("default sizes", chosen)
+    changes = facts["variants"].items()
+    variants = [{"variant": name, "sets": json.dumps(values)} for name, values in changes]
+    _print_table("variants", variants)
+
+
+def _print_experiment(facts: dict[str, Any]) -> None:
+    print(f"{facts['name']}: {facts['measures']}\nvaries: {facts['varies']}")
+    for kind in ("physics", "success_rules"):
+        print(f"{kind.replace('_', ' ')}: {', '.join(facts[kind])}")
+    exhibits = facts["exhibits"]
+    paper = [name.replace("_", " ").capitalize() for name in exhibits["paper"]]
+    print(f"tables and figures of the paper: {', '.join(paper) or 'none'}")
+    files = [*exhibits["paper"], *exhibits["own"]]
+    print(f"files of `bench report` (report/tables/NAME.md): {', '.join(files)}\n")
+    for kind in ("splits", "controllers"):
+        named = facts[kind].items()
+        _print_table(kind, [{"name": name, "meaning": meaning} for name, meaning in named])
+    columns = {
+        "fits": "fits",
+        "evaluations": "evaluations",
+        "episodes": "episodes of each, at most",
+        "episodes_in_all": "episodes in all",
+    }
+    rows = [
+        {"preset": preset} | {column: f"{counts[name]:,}" for name, column in columns.items()}
+        for preset, counts in facts["presets"].items()
+        if counts
+    ]
+    _print_table("presets", rows)
+
+
+def _print_preset(facts: dict[str, Any]) -> None:
+    for name in ("tasks", "methods", "sizes", "seeds", "demos", "epochs_share"):
+        value = facts[name]
+        print(f"{name}: {', '.join(map(str, value)) if isinstance(value, list) else value}")
+    episodes = facts["episodes"].items()
+    rows = [{"experiment": name, "episodes of each evaluation": count} for name, count in episodes]
+    _print_table("experiments", rows)
+    print("{fits} fits, {evaluations} evaluations, {episodes_in_all:,} episodes".format(**facts))
+    print(f"{facts['note']} What it costs here: bench plan {facts['name']} --out DIR".strip())
+
+
+def _start_rows(facts: dict[str, Any]) -> list[dict[str, str]]:
+    rows = []
+    for split, boxes in facts["splits"].items():
+        for box in boxes:
+            row = {"split": split}
+            for start in facts["starts"]:
+                low, high = box[start["name"]]
+                row[f"{start['name']} [{start['unit']}]"] = f"{low:g} to {high:g}"
+            rows.append(row)
+    return rows
+
+
+def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
+    table = Table(title=escape(title), title_justify="left")
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    for column in columns:
+        table.add_column(escape(column))
+    for row in rows:
+        cells = [row.get(column, "") for column in columns]
+        table.add_row(*(escape(", ".join(c) if isinstance(c, tuple) else str(c)) for c in cells))
+    Console().print(table)

@@ -1,0 +1,127 @@
+"""The particulars of an experiment: what it measures and varies, how, and how much it computes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from bench.controller import NO_CONTROLLER, ON_SUCCESSES, ORIGINAL, RESEEDED, TUNED, UNCLIPPED
+from bench.presets import PRESETS, Study
+from bench.spec import VALIDATION, Cell
+
+
+@dataclass(frozen=True)
+class About:
+    """What cannot be read off an experiment's cells."""
+
+    measures: str
+    varies: str
+    paper: tuple[str, ...] = ()
+    """The paper's tables and figures that `bench report` makes of it, by file name."""
+    own: tuple[str, ...] = ()
+    """Tables and figures of this suite alone."""
+
+
+ABOUT = {
+    "sizes": About(
+        measures="Success of each method with each size of model. The best size of a method on a"
+        " task is then used in all other experiments of the run.",
+        varies="Task, method, size of model, seed.",
+        paper=("table_1", "table_2", "table_3", "table_4", "table_5"),
+    ),
+    "success": About(
+        measures="Success from unseen starts of the training distribution: the main comparison.",
+        varies="Task, method, seed. The expert is evaluated from the same starts.",
+        paper=("table_6",),
+        own=("unseen", "all_tasks"),
+    ),
+    "ood": About(
+        measures="Success from starts outside the ranges of the training distribution.",
+        varies="Task, method, seed. The expert is evaluated from the same starts.",
+        paper=("figure_5",),
+        own=("all_tasks",),
+    ),
+    "robustness": About(
+        measures="Success with other masses of the hand or the object (appendix I).",
+        varies="Task, method, seed, physics, and whether the controller was trained in the nominal"
+        " or in the changed physics.",
+        paper=("table_7", "table_8", "table_9", "table_10"),
+    ),
+    "lifting": About(
+        measures="Success and imitation error of KODex with each set of observables (appendix J)."
+        " Fit times need `bench time` too.",
+        varies="Task, set of observables.",
+        paper=("table_11", "figure_6", "figure_6_time"),
+    ),
+    "stability": About(
+        measures="The eigenvalues of KODex's matrix K, fitted to all training demonstrations.",
+        varies="Task.",
+        paper=("table_12", "figure_7"),
+    ),
+    "efficiency": About(
+        measures="Success after training on few or many demonstrations. Training times need"
+        " `bench time` too.",
+        varies="Task, method, seed, number of demonstrations (10, 25, 50, 100, 150, 200).",
+        own=("efficiency", "efficiency_time"),
+    ),
+    "audit": About(
+        measures="How far results depend on choices that the paper leaves open.",
+        varies="Task, method, seed, and one of these at a time: the variant of the method (as"
+        " described, as published, others), the reading of appendix I, the success rule, and what"
+        " the controller learns from or its random numbers.",
+        own=("audit", "audit_controller", "audit_success", "audit_appendix_i"),
+    ),
+}
+
+SPLITS = {
+    VALIDATION: "starts of the validation demonstrations",
+    "test": "unseen starts of the training distribution",
+    "ood": "starts outside the training distribution",
+}
+CONTROLLERS = {
+    NO_CONTROLLER: "no controller: the expert and closed-loop methods act themselves",
+    ORIGINAL: "trained on the demonstrations, in nominal physics",
+    TUNED: "trained on the expert's episodes in the changed physics",
+    ON_SUCCESSES: "as tuned, but on successful episodes only",
+    UNCLIPPED: "as original, but on the expert's actions before they are clipped",
+    **{name: "as original, with other random numbers" for name in RESEEDED.values()},
+}
+"""What turns a predicted motion into actions, by its name in the results."""
+
+
+def describe_experiment(name: str) -> dict[str, Any]:
+    """Returns the particulars of an experiment; conditions are those of the largest preset."""
+    about = ABOUT[name]
+    cells = {preset: _cells(study, name) for preset, study in PRESETS.items()}
+    evaluations = [cell.evaluation for cell in max(cells.values(), key=len)]
+    splits, controllers, physics, rules = (
+        list(dict.fromkeys(getattr(evaluation, field) for evaluation in evaluations))
+        for field in ("split", "controller", "physics", "rule")
+    )
+    return {
+        "name": name,
+        "measures": about.measures,
+        "varies": about.varies,
+        "splits": {split: SPLITS[split] for split in splits},
+        "physics": physics,
+        "controllers": {controller: CONTROLLERS[controller] for controller in controllers},
+        "success_rules": rules,
+        "exhibits": {"paper": list(about.paper), "own": list(about.own)},
+        "presets": {
+            preset: _counts(found, PRESETS[preset].episodes[name]) if found else None
+            for preset, found in cells.items()
+        },
+    }
+
+
+def _cells(study: Study, name: str) -> list[Cell]:
+    from bench.experiments import EXPERIMENTS, recipes_of
+
+    return EXPERIMENTS[name](study, recipes_of(study), {}) if name in study.episodes else []
+
+
+def _counts(cells: list[Cell], episodes: int) -> dict[str, int]:
+    return {
+        "fits": len({cell.fit.key for cell in cells}),
+        "evaluations": len(cells),
+        "episodes": episodes,
+        "episodes_in_all": sum(cell.episodes for cell in cells),
+    }

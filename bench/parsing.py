@@ -1,0 +1,123 @@
+"""Values as a command line writes them: lists of names, whole numbers, seeds and settings."""
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from decimal import Decimal, InvalidOperation
+from typing import Any
+
+from tasks.errors import InputError, unknown_name
+
+LARGEST = 999_999_999
+"""The largest whole number that an option takes."""
+MOST_SEEDS = 10_000
+_SEEDS = re.compile(r"([0-9]{1,9})(?:\s*-\s*([0-9]{1,9}))?")
+_WHOLE = re.compile(r"[+-]?[0-9]+(_[0-9]+)*")
+
+
+def names(option: str, text: str) -> tuple[str, ...]:
+    """Returns the names in a comma-separated list, each once, in the order given.
+
+    Spaces around a name and empty entries are ignored.
+
+    Args:
+        option: where the list was given, for the message: ``--tasks``.
+        text: the list.
+
+    Raises:
+        InputError: it holds no name.
+    """
+    found = dict.fromkeys(name for part in text.split(",") if (name := part.strip()))
+    if not found:
+        raise InputError(f"{option} takes names separated by commas, got {text!r}")
+    return tuple(found)
+
+
+def known_names(option: str, kind: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Returns the names in a comma-separated list, in the order in which they are known.
+
+    Args:
+        option: see `names`.
+        kind: what is named, for the message: ``task``.
+        text: see `names`.
+        known: the names that exist.
+
+    Raises:
+        InputError: a name does not exist, or see `names`.
+    """
+    found, allowed = names(option, text), list(known)
+    for name in found:
+        if name not in allowed:
+            raise unknown_name(kind, name, allowed)
+    return tuple(name for name in allowed if name in found)
+
+
+def whole_number(text: str, least: int) -> int:
+    """Returns a whole number that is written as 10000, 10_000 or 1e4.
+
+    Raises:
+        InputError: it is not a whole number from ``least`` to `LARGEST`.
+    """
+    try:
+        value = Decimal(text)
+    except InvalidOperation:
+        value = Decimal("NaN")
+    # Compared first: a number with a huge exponent must not be written out.
+    if not (value.is_finite() and least <= value <= LARGEST and value == int(value)):
+        raise InputError(
+            f"must be a whole number from {least} to {LARGEST:,}, written as 10000, 10_000 or 1e4;"
+            f" got {text!r}"
+        )
+    return int(value)
+
+
+def seeds(text: str) -> tuple[int, ...]:
+    """Returns seeds, each once, in the order given.
+
+    ``5`` means seeds 1 to 5, ``2,4`` those two, ``7,`` seed 7 alone, ``1-3,7`` seeds 1, 2, 3 and 7.
+
+    Raises:
+        InputError: it is written otherwise, names no seed, or more than `MOST_SEEDS`.
+    """
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    if "," not in text and text.strip().isdecimal():
+        parts = [f"1-{text.strip()}"]
+    found: dict[int, None] = {}
+    for part in parts or [text]:
+        match = _SEEDS.fullmatch(part)
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
+        if not 1 <= first <= last:
+            raise InputError(
+                "--seeds takes a number of seeds (5), seeds from 1 (2,4 or 7,) or ranges of them"
+                f" (1-3,7), got {text!r}"
+            )
+        if len(found) + last - first >= MOST_SEEDS:
+            raise InputError(f"--seeds takes at most {MOST_SEEDS:,} seeds, got {text!r}")
+        found |= dict.fromkeys(range(first, last + 1))
+    return tuple(found)
+
+
+def settings(texts: Sequence[str]) -> dict[tuple[str, str], Any]:
+    """Returns the values of ``METHOD.FIELD=VALUE``, by method and field.
+
+    A value is read as JSON or as a whole number like 10_000, and is a text otherwise.
+
+    Raises:
+        InputError: a setting is written otherwise.
+    """
+    found = {}
+    for text in texts:
+        place, equals, value = text.partition("=")
+        method, dot, field = (part.strip() for part in place.partition("."))
+        if not (equals and dot and method and field):
+            raise InputError(f"--set takes METHOD.FIELD=VALUE, such as nn.epochs=50, got {text!r}")
+        found[method, field] = scalar(value)
+    return found
+
+
+def scalar(text: str) -> Any:
+    """Returns a value that is written as JSON or as a whole number, or else the text itself."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return int(text) if _WHOLE.fullmatch(text.strip()) else text
