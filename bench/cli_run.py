@@ -124,7 +124,10 @@ def run(
     try:
         outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
     except OSError as error:
-        print(f"bench: {error}; stored results are intact, rerun to resume", file=sys.stderr)
+        print(
+            f"bench: {error}; stored results are intact; rerun the same command to resume",
+            file=sys.stderr,
+        )
         raise typer.Exit(SOME_FAILED) from error
     except KeyboardInterrupt:
         print("stopped; rerun the same command to resume", file=sys.stderr)
