@@ -15,8 +15,8 @@ import sys
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from multiprocessing import forkserver
@@ -119,9 +119,9 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
         call: the pickled job and its arguments.
         limit: seconds after which the process is killed.
     """
-    _adopt_orphans()
     here, there = _context().Pipe(duplex=False)
-    with TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True) as place:
+    folder = TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True)
+    with folder as place, _adopting_orphans():
         process = _context().Process(target=_child, args=(there, place, name, call))
         # A worker of dask is a daemon, which Python allows no children.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
@@ -176,10 +176,15 @@ def _kill(process: multiprocessing.process.BaseProcess) -> None:
                 child.wait(1)
 
 
-def _adopt_orphans() -> None:
-    """Makes this process the parent of what is left of a job's process, to end it."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+@contextmanager
+def _adopting_orphans() -> Iterator[None]:
+    """Makes this process the parent of what is left of a job's process, so that it can be ended."""
+    prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else lambda *numbers: None
+    prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    try:
+        yield
+    finally:
+        prctl(_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
 
 
 def _child(there: Connection, place: str, name: str, call: bytes) -> None:

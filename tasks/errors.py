@@ -11,6 +11,8 @@ LONGEST = 500
 _LONGEST_PLACE = 200
 _IMPORTLIB = ("<frozen importlib", os.path.join(os.path.dirname(importlib.__file__), ""))
 """How the names of importlib's own files begin."""
+_BACKPORT = os.path.join("", "importlib_metadata", "")
+"""Part of the names of files that, where they are installed, load entry points in its place."""
 
 
 class InputError(ValueError):
@@ -83,7 +85,8 @@ def _place(error: BaseException) -> str:
     first = trace = error.__traceback__
     while first and trace:
         code = trace.tb_frame.f_code
-        if not code.co_filename.startswith(_IMPORTLIB):
+        of_importlib = code.co_filename.startswith(_IMPORTLIB) or _BACKPORT in code.co_filename
+        if not of_importlib:
             function = "" if code.co_name == "<module>" else f" in {code.co_name}"
             found = f"{_file(code.co_filename)}:{trace.tb_lineno}{function}"
         elif trace is first.tb_next:

@@ -135,7 +135,7 @@ def test_a_method_that_cannot_be_imported_says_why_in_one_line(install, bench, t
             METHOD.format("Bad", "bad") + "    variants = {'a b': {}}",
             "used: a variant cannot",
         ),
-        ("not a value", "", "imported: AttributeError"),
+        ("not a value", "", "imported: (AttributeError|ValueError)"),
         ("nowhere:Bad", "", "imported: ModuleNotFoundError"),
     ],
 )
