@@ -73,14 +73,13 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     recipes = recipes_of(study)
-    if not guests(study.methods):
-        cells_of(study, recipes)  # what does not exist is refused before anything is made
+    # The largest study there can be: what does not exist is refused before anything is made.
+    largest = None if guests(study.methods) else cells_of(study, recipes)
     with _running(folder, where) as runner:
         study = runner.admitted(study)
         if not study.methods:
             return runner.outcome([])
-        # The largest study there can be, so that its refusals come before any work.
-        runner.store.check(cells_of(study, recipes))
+        runner.store.check(cells_of(study, recipes) if largest is None else largest)
         compared = first_wave(study, recipes)
         runner.compute(compared, study.note)
         chosen = chosen_sizes(study, runner.store.frame()) if compared else {}

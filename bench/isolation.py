@@ -188,7 +188,7 @@ def _adopting_orphans() -> Iterator[None]:
 
 
 def _child(there: Connection, place: str, name: str, call: bytes) -> None:
-    """Does the job, and sends what comes of it."""
+    """Runs the job and sends its result."""
     os.setsid()
     me = os.getpid()
     threading.Thread(target=_end_with_the_parent, daemon=True).start()

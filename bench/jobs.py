@@ -87,7 +87,7 @@ def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
 def evaluation_job(
     piece: Piece, parameters: bytes, controller: bytes, threads: int
 ) -> list[Episodes]:
-    """Returns what comes of the episodes of a piece.
+    """Returns the episodes of a piece, evaluated.
 
     Each chunk meets the method as it was stored, whatever an earlier chunk has left in it.
     """
