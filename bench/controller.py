@@ -93,5 +93,6 @@ def train_controller(
         ),
         name=f"controller of {name}",
         seeds=[seed],
+        fill=False,  # as the shipped controllers were trained
     )
     return dict(trained.weights)

@@ -72,14 +72,11 @@ def _call(row: dict[str, Any]) -> Call:
 def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
     """Returns the CPU seconds that a fit takes, measured `REPEATS` times.
 
-    A network is timed over a share of its epochs. Of a method with seeds it is a half of what two
-    seeds take together: a network that is fitted alone has a copy of itself for company, for the
-    sake of its bits (see `methods.network`), which is no cost of its own.
+    A network is timed over a share of its epochs.
     """
-    seeds = [fit.seed] if fit.build().deterministic else [fit.seed, fit.seed + 1]
     epochs = fit.config.get("epochs", 1)
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
-    fits = [replace(fit, config=config, seed=seed) for seed in seeds]
-    measured = [fit_job(fits, demos, validation)[0].seconds for _ in range(REPEATS)]
+    timed_fit = replace(fit, config=config)
+    measured = [fit_job([timed_fit], demos, validation)[0].seconds for _ in range(REPEATS)]
     return [seconds * epochs / timed for seconds in measured]

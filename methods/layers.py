@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import logsigmoid
 
 from tasks.data import FloatArray
 
@@ -26,17 +27,50 @@ def linear_weights(
     }
 
 
+def tensor(array: FloatArray) -> Tensor:
+    """Returns an array in float32, in memory of torch's own.
+
+    MKL rounds by where in memory numbers begin: those of torch begin at a full vector, those of
+    NumPy anywhere.
+    """
+    return torch.tensor(array, dtype=torch.float32)
+
+
 def linear(weights: Weights, name: str, x: Tensor) -> Tensor:
     """Returns (S, B, K) of inputs (S, B, I)."""
     weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
+    if weight.shape[1] == 1:
+        return bias[:, None] + _times_column(x, weight)
     return torch.baddbmm(bias[:, None], x, weight.transpose(1, 2))
 
 
 def after(weights: Weights, name: str, layer: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
     """Returns weight and bias of the one layer that the layer of a name, then another, make."""
     weight, bias = layer
-    inner = weights[f"{name}.bias"][:, :, None]
-    return torch.bmm(weight, weights[f"{name}.weight"]), bias + torch.bmm(weight, inner)[..., 0]
+    inner = _times_column(weight, weights[f"{name}.bias"][:, None])
+    return torch.bmm(weight, weights[f"{name}.weight"]), bias + inner[..., 0]
+
+
+def _times_column(x: Tensor, column: Tensor) -> Tensor:
+    """Returns (S, B, 1), x (S, B, I) times the column (S, 1, I).
+
+    torch would multiply the column of a lone network by another operation than that of several.
+    """
+    return (x * column).sum(dim=2, keepdim=True)
+
+
+def sigmoid(x: Tensor) -> Tensor:
+    """Returns 1 / (1 + exp(-x)), rounded alike wherever a number stands in its tensor.
+
+    torch's own rounds the numbers after the last full vector in another way, and with them those of
+    the last network.
+    """
+    return 0.5 * torch.tanh(0.5 * x) + 0.5
+
+
+def softplus(x: Tensor) -> Tensor:
+    """Returns log(1 + exp(x)), rounded alike wherever a number stands, see `sigmoid`."""
+    return -logsigmoid(-x)
 
 
 def mlp_weights(

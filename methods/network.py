@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from methods.base import MotionMethod, NotFittedError, Parameters
-from methods.layers import Weights
+from methods.layers import Weights, tensor
 from methods.training import Schedule, Trained, minimise, one_thread
 from tasks.data import Demos, FloatArray, Layout
 
@@ -92,20 +92,18 @@ class NetworkMethod(MotionMethod):
         if config.standardise:
             mean = demos.states.mean(axis=(0, 1))
             scale = np.maximum(demos.states.std(axis=(0, 1)), SCALE_FLOOR)
-        unseen = torch.from_numpy(((validation.states - mean) / scale).astype(np.float32))
-        # A lone network has a copy of itself for company, so as to become what it would in any.
-        beside = seeds if len(seeds) > 1 else [*seeds, *seeds]
+        unseen = tensor((validation.states - mean) / scale)
         trained = minimise(
             draw=one.draw,
             loss=one.loss,
             data=one.samples((demos.states - mean) / scale),
             schedule=config,
             name=cls.name,
-            seeds=beside,
+            seeds=seeds,
             validate=lambda weights: one.error(weights, _for_each(weights, unseen)),
             at_once=cls.at_once,
         )
-        for method, result in zip(methods, trained[: len(seeds)], strict=True):
+        for method, result in zip(methods, trained, strict=True):
             method._arrays = result.weights | {"state_mean": mean, "state_scale": scale}
             method._trained = result
         return methods
@@ -125,11 +123,11 @@ class NetworkMethod(MotionMethod):
         arrays = self.parameters()
         mean, scale = arrays["state_mean"], arrays["state_scale"]
         weights = {
-            name: torch.from_numpy(array)[None]
+            name: tensor(array)[None]
             for name, array in arrays.items()
             if not name.startswith("state_")
         }
-        x = torch.from_numpy(((start - mean) / scale).astype(np.float32))
+        x = tensor((start - mean) / scale)
         with one_thread(), torch.no_grad():
             predicted = self.unroll(weights, x[None], steps)[0].double().numpy()
         width = predicted.shape[-1]

@@ -28,10 +28,9 @@ from typing import Any, ClassVar
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import softplus
 
 from methods.base import check_above
-from methods.layers import Weights, linear, linear_weights
+from methods.layers import Weights, linear, linear_weights, sigmoid, softplus
 from methods.network import NetworkConfig, NetworkMethod, windows
 from tasks.data import CONTROL_STEP, FloatArray
 
@@ -59,6 +58,7 @@ class NGF(NetworkMethod):
 
     name = "ngf"
     summary = "geometric fabric: energised geometry, potential and damping"
+    version = 2
     sizes: ClassVar[Mapping[str, NGFConfig]] = {
         "small": NGFConfig(hidden=(64, 32)),
         "median": NGFConfig(hidden=(128, 64)),
@@ -131,7 +131,7 @@ class NGF(NetworkMethod):
 def acceleration(weights: Weights, context: Mapping[str, Tensor], q: Tensor, v: Tensor) -> Tensor:
     """Returns v' (S, B, H); context holds what c adds to each network's first layer."""
     bend, weight = _network(weights, "geometry", context, q).chunk(2, dim=-1)
-    share = torch.sigmoid(weight - _network(weights, "metric", context, q))
+    share = sigmoid(weight - _network(weights, "metric", context, q))
     geometry = energised(share * bend * v.square().mean(dim=-1, keepdim=True), v)
     pull = -potential_gradient(weights, context["potential"], q)
     damping = softplus(_network(weights, "damping", context, torch.cat([q, v], dim=-1)))

@@ -55,7 +55,7 @@ class PublishedNGF(NetworkMethod):
     """The transformer, and the correction of its motion."""
 
     name = "ngf"
-    version = 2
+    version = 3
     summary = "causal transformer with one corrected step"
     at_once = 20
     """What all demonstrations leave behind for the gradients, 143 MB a layer, fits no cache."""

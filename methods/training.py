@@ -1,8 +1,7 @@
 """The one training loop: Adam on mini-batches, for every network of the suite.
 
 Networks of several seeds are trained together (see `methods.layers`). Each draws its own weights
-and its own order of samples, and what it becomes does not depend on which others are beside it, so
-long as there are any: torch multiplies a lone network by other operations, which round differently.
+and its own order of samples, and what it becomes does not depend on the others.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +14,7 @@ import torch
 from torch import Tensor
 
 from methods.base import check_above
-from methods.layers import Weights
+from methods.layers import Weights, tensor
 from tasks.data import FloatArray, generator
 from tasks.errors import InputError, unknown_name
 
@@ -90,6 +89,7 @@ def minimise(
     seeds: Sequence[int],
     validate: Callable[[Weights], Tensor] | None = None,
     at_once: int | None = None,
+    fill: bool = True,
 ) -> list[Trained]:
     """Trains one network for each seed.
 
@@ -104,6 +104,7 @@ def minimise(
             those of the last epoch without it.
         at_once: samples that pass through a network at a time, a whole mini-batch unless told; the
             gradients of a larger one are summed piece by piece.
+        fill: whether what a seed becomes must not depend on the seeds beside it, see `_leaf`.
 
     Raises:
         TrainingError: there are no samples, or some seed's loss was never finite.
@@ -113,9 +114,10 @@ def minimise(
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
     weights, leaves = {}, []
     for key in drawn[0]:
-        leaf, weights[key] = _leaf(np.stack([one[key] for one in drawn]).astype(np.float32))
+        stacked = np.stack([one[key] for one in drawn])
+        leaf, weights[key] = _leaf(stacked, VECTOR if fill else 1)
         leaves.append(leaf)
-    samples = [torch.from_numpy(array.astype(np.float32)) for array in data]
+    samples = [tensor(array) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
 
     steps = schedule.epochs * -(-len(samples[0]) // schedule.batch_size)
@@ -146,17 +148,16 @@ def minimise(
     return best.chosen(seeds)
 
 
-def _leaf(drawn: FloatArray) -> tuple[Tensor, Tensor]:
+def _leaf(drawn: FloatArray, vector: int) -> tuple[Tensor, Tensor]:
     """Returns what Adam is to step, (S, n), and the weights (S, ...) that are a view of it.
 
     torch's fused Adam rounds the numbers after the last full vector of a tensor in another way. So
-    each network's numbers are filled up to full vectors, wherever it stands among others; one that
-    is alone needs none.
+    each network's numbers are filled up to full vectors.
     """
     flat = drawn.reshape(len(drawn), -1)
     count = flat.shape[1]
-    filling = -count % VECTOR if len(drawn) > 1 else 0
-    leaf = torch.from_numpy(np.pad(flat, ((0, 0), (0, filling)))).requires_grad_()
+    filled = np.pad(flat, ((0, 0), (0, -count % vector)))
+    leaf = tensor(filled).requires_grad_()
     return leaf, leaf[:, :count].view(drawn.shape)
 
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import torch
 from torch import nn
-from torch.nn.functional import softplus
+from torch.nn import functional
 
+from methods.base import shortened
 from methods.checks import LAYOUT, toy
-from methods.layers import linear_weights, mlp, mlp_weights
+from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
 from methods.lstm import LSTM
 from methods.ndp import NDP
 from methods.network import windows
@@ -96,16 +97,27 @@ def test_a_learning_rate_that_decays_falls_linearly_to_nothing(line, monkeypatch
     np.testing.assert_allclose(seen, SCHEDULE.learning_rate * (1 - np.arange(9) / 9))
 
 
-def test_what_a_seed_becomes_does_not_depend_on_its_company():
-    demos, validation = toy(0, 12), toy(1, 4)
-    config = replace(NN.sizes["small"], epochs=2)
-    alone, pair, five = (
-        NN.fit_seeds(config, LAYOUT, demos, validation, seeds)[0].parameters()
-        for seeds in ([1], [1, 7], range(1, 6))
+@pytest.mark.parametrize("method", [NN, LSTM, NDP, NGF, PublishedNGF])
+def test_a_seed_trains_to_the_same_weights_alone_and_beside_others(method):
+    demos, validation = toy(0, 16), toy(1, 16)  # batches of full vectors, see docs/methods.md
+    config = replace(shortened(method.sizes["small"], 1), batch_size=16)
+    alone, pair, last = (
+        method.fit_seeds(config, LAYOUT, demos, validation, seeds)[seeds.index(1)].parameters()
+        for seeds in ([1], [1, 7], [7, 3, 1])
     )
     for name, array in alone.items():
         np.testing.assert_array_equal(pair[name], array)
-        np.testing.assert_array_equal(five[name], array)
+        np.testing.assert_array_equal(last[name], array)
+
+
+@pytest.mark.parametrize(
+    ("ours", "library"), [(sigmoid, torch.sigmoid), (softplus, functional.softplus)]
+)
+def test_an_activation_rounds_alike_wherever_a_number_stands(ours, library):
+    x = torch.linspace(-30, 30, 301)
+    torch.testing.assert_close(ours(x), library(x))
+    for count in range(1, 40):
+        assert torch.equal(ours(x[:count]), ours(x)[:count])
 
 
 def test_a_seed_becomes_the_same_whatever_its_place_in_the_company():

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from methods.base import ActionMethod, NotFittedError
-from methods.layers import mlp, mlp_weights
+from methods.layers import mlp, mlp_weights, tensor
 from methods.training import Schedule, minimise, one_thread
 
 
@@ -44,7 +44,7 @@ class BC(ActionMethod):
         def loss(weights, x, u):
             return (mlp(weights, "layer", x, depth) - u).square().mean(dim=(1, 2))
 
-        unseen = [torch.from_numpy(array.astype(np.float32)) for array in pairs(validation)]
+        unseen = [tensor(array) for array in pairs(validation)]
         (trained,) = minimise(
             draw=lambda rng: mlp_weights(rng, "layer", widths),
             loss=loss,
@@ -74,12 +74,8 @@ class BC(ActionMethod):
         arrays = self.parameters()
         x = (state - arrays["state_mean"]) / arrays["state_scale"]
         weights = {
-            name: torch.from_numpy(array)[None]
-            for name, array in arrays.items()
-            if name.startswith("layer")
+            name: tensor(array)[None] for name, array in arrays.items() if name.startswith("layer")
         }
         with one_thread(), torch.no_grad():
-            u = mlp(
-                weights, "layer", torch.from_numpy(x.astype(np.float32))[None], len(weights) // 2
-            )
+            u = mlp(weights, "layer", tensor(x)[None], len(weights) // 2)
         return np.clip(u[0].numpy(), -1, 1)
