@@ -421,7 +421,7 @@ class TestInProcess:
         bench("run", "smoke", "--methods", "kodex,nn", *options, str(theirs))
         bench("run", "smoke", "--methods", "kodex", *options[:2], "--out", str(out))
         bench("pack", str(theirs), "--out", str(small))
-        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        monkeypatch.setattr("bench.packed.SHIPPED", small)
         export = tmp_path / "all.parquet"
         code, _, error = bench("report", str(out), "--with-reference", "--export", str(export))
         assert (code, error) == (0, "")
@@ -442,7 +442,7 @@ class TestInProcess:
         run(replace(study, controller=ControllerConfig(epochs=6)), theirs, Workers(1))
         bench("run", "smoke", "--jobs", "1", "--out", str(out))
         bench("pack", str(theirs), "--out", str(small))
-        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        monkeypatch.setattr("bench.packed.SHIPPED", small)
         pair = ("--methods", "kodex,nn")
         report, compare = ("report", str(out)), ("compare", str(out), *pair)
         command = f"--tasks door --methods kodex --out {out}-paper\n"
@@ -519,7 +519,7 @@ class TestInProcess:
         assert {name for name, caption in captions.items() if remark in caption} == {"table_8"}
 
     def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path, monkeypatch):
-        monkeypatch.setattr("reports.reference.SHIPPED", tmp_path / "nothing")
+        monkeypatch.setattr("bench.packed.SHIPPED", tmp_path / "nothing")
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         code, _, error = bench("report", str(tmp_path), "--with-reference")
         assert code == 2
