@@ -115,6 +115,6 @@ class Packed:
 
         table = pd.read_parquet(self.folder / "episodes.parquet")
         ends = np.searchsorted(table.evaluation, np.arange(1, len(self._places)))
-        table = table.drop(columns="evaluation")
+        table = table.drop(columns="evaluation").astype({"start": np.int64})
         bounds = [0, *ends, len(table)]
         return [table.iloc[a:b] for a, b in pairwise(bounds)]
