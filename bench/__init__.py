@@ -13,14 +13,16 @@ if TYPE_CHECKING:
     from typing import Unpack
 
     import pandas as pd
+    from numpy.typing import ArrayLike
 
     from bench.driver import Outcome
     from bench.opened import Opened
     from bench.presets import Study
     from bench.studies import Options
+    from tasks.arrays import Replayed
     from tasks.data import Demos
 
-__all__ = ["demos", "load", "open", "run"]
+__all__ = ["demos", "demos_from_arrays", "load", "open", "run"]
 
 
 def run(
@@ -101,6 +103,30 @@ def demos(task: str, file: str | Path | None = None) -> tuple[Demos, Demos]:
 
     chosen = get_task(task)
     return split(load_demos(chosen) if file is None else read_demos(chosen, Path(file)))
+
+
+def demos_from_arrays(
+    task: str, *, actions: ArrayLike, starts: ArrayLike, states: ArrayLike | None = None
+) -> Replayed:
+    """Returns demonstrations made of recorded actions, which are replayed from their starts.
+
+    ``demos_from_arrays(...).save("mine.safetensors")`` writes those that succeed to a file for
+    ``run(..., demos="mine.safetensors")``.
+
+    Args:
+        task: name of a task.
+        actions: (N, T-1, A) normalised servo set-points, clipped to [-1, 1].
+        starts: (N, P) what varies from one episode to the next, see `bench describe TASK`.
+        states: (N, T, D), only to be compared with those of the replay, see `Replayed.drift`.
+
+    Raises:
+        InputError: an array is not real and finite or has another shape, or a start is out of the
+            range of demonstrations.
+    """
+    from tasks.arrays import replay_arrays
+    from tasks.registry import get_task
+
+    return replay_arrays(get_task(task), actions, starts, states)
 
 
 def _in_the_way() -> str:

@@ -3,6 +3,8 @@
 import hashlib
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -117,18 +119,40 @@ def make_demos(task: Task, expert: Policy, n: int, threads: int = 0) -> Demos:
     Raises:
         InputError: fewer than one episode in ten succeeds.
     """
+    attempt = partial(record, task, policy=expert, threads=threads)
+    return collect(task, n, "the expert", attempt)[1]
+
+
+def collect(
+    task: Task, n: int, who: str, attempt: Callable[[Starts], tuple[BoolArray, Demos]]
+) -> tuple[BoolArray, Demos]:
+    """Returns from which starts of the split ``demo`` an attempt succeeded, and n demonstrations.
+
+    Starts are tried in blocks, from the first, until there are as many demonstrations.
+
+    Args:
+        task: what they show.
+        n: how many.
+        who: does it, for the message.
+        attempt: returns from which starts (B,) it succeeded, and what it did there.
+
+    Raises:
+        InputError: fewer than one episode in ten succeeds.
+    """
+    success = np.zeros(0, np.bool_)
     found: list[Demos] = []
-    tried = 0
-    while sum(map(len, found)) < n:
-        if tried > _BLOCK + 10 * n:
+    while success.sum() < n:
+        starts = task.sample("demo", len(success) + _BLOCK)[len(success) :]
+        tried, demos = attempt(starts)
+        success = np.concatenate([success, tried])
+        found.append(demos)
+        if 10 * success.sum() < len(success):
             raise InputError(
-                f"too few for {n} demonstrations: the expert of {task.name} succeeded in"
-                f" {sum(map(len, found))} of {tried} episodes"
+                f"{who} succeeded in {success.sum()} of {len(success)} episodes of {task.name},"
+                " fewer than one in ten, which is too few to learn from; actions are set-points in"
+                f" [-1, 1], and `bench describe {task.name}` says when an episode succeeds"
             )
-        starts = task.sample("demo", tried + _BLOCK)[tried:]
-        tried += _BLOCK
-        found.append(record(task, starts, expert, threads=threads)[1])
-    return _join(found)[:n]
+    return success, _join(found)[:n]
 
 
 def demos_key(task: Task) -> str:
