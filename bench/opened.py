@@ -81,13 +81,16 @@ class Opened:
     def failures(
         self, task: str, method: str, split: str = "test", seed: int | None = None
     ) -> pd.DataFrame:
-        """Returns the starts where a method fails, one row each, and how it fails.
+        """Returns the episodes where a method fails, one row each, and how it fails.
+
+        Columns: ``start`` its index, ``seed``, ``split``, ``mode`` how it fails (None in packed
+        results, which hold no fits to replay), the numbers of the start, and ``steps``.
 
         Args:
             task: name of a task.
             method: name of a method with results of that task.
-            split: where the starts are from, such as ``test`` or ``ood``.
-            seed: of the fit. Default: the first that is stored.
+            split: where the starts are from: ``test``, or ``ood``.
+            seed: of the fit. Default: all.
 
         Raises:
             InputError: there are no such results.
@@ -107,13 +110,14 @@ class Opened:
 
         Args:
             task: name of a task.
-            method: name of a method with results of that task; it is fitted already.
+            method: name of a method with results of that task.
             start: index of a start of ``test``.
-            joints: names of joints, such as ``ARRx``. Default: a few that move most.
-            seed: of the fit. Default: the first that is stored.
+            joints: names of joints, such as ``ARRx``. Default: the three that turn most.
+            seed: of the fit. Default: the lowest that is stored.
 
         Raises:
-            InputError: there are no such results, or no such joint.
+            InputError: there are no such results, start or joint; or the results are packed, and
+                hold no fits.
         """
         frame = view("motions")(self.folder, task, method, start, seed=seed)
         figure: Figure = view("draw_motion")(frame, joints)
