@@ -110,6 +110,15 @@ def test_single_episodes_are_looked_at_by_the_views_of_packages(task, looks):
     assert drawn == ("door", "kodex", 17, None, ["ARRx", "WRJ1"])
 
 
+def test_the_suites_own_views_show_failures_and_motions(door, bench, tmp_path):
+    pytest.importorskip("reports.motions")
+    bench("run", "smoke", "--jobs", "1", "--episodes", "4", "--out", str(tmp_path))
+    found = suite.open(tmp_path)
+    assert found.failures("door", "kodex").start.tolist() == [0, 3]
+    figure = found.plot_motion("door", "kodex", start=1, joints=["ARRx", "WRJ1"])
+    assert [axes.get_ylabel() for axes in figure.axes] == ["ARRx [rad]", "WRJ1 [rad]"]
+
+
 @pytest.mark.parametrize(
     ("harm", "answer"),
     [
