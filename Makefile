@@ -32,6 +32,7 @@ docs: install-dev ## Write the API pages to build/api, from the docstrings
 results: install ## Write the tables and figures of the shipped results into the documents
 	$(BIN)/bench report --reference --out build/reference
 	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md
+	$(BIN)/python docs/run_notebook.py docs/explore-results.ipynb
 	cp build/reference/figures/unseen.png build/reference/figures/efficiency.png docs/images
 
 benchmark: install-dev ## Measure speed against peers, half an hour

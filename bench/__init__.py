@@ -10,12 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
+    from numpy.typing import ArrayLike
 
     from bench.driver import Outcome
+    from bench.opened import Opened
     from bench.presets import Study
+    from bench.studies import Options
+    from tasks.arrays import Replayed
+    from tasks.data import Demos
 
-__all__ = ["load", "run"]
+__all__ = ["demos", "demos_from_arrays", "load", "open", "run"]
 
 
 def run(
@@ -24,6 +31,7 @@ def run(
     jobs: int | None = None,
     backend: str = "loky",
     scheduler: str | None = None,
+    **options: Unpack[Options],
 ) -> Outcome:
     """Computes and stores the missing results of a study. Repeat the call to resume.
 
@@ -33,6 +41,9 @@ def run(
         jobs: processes at a time; -1 for one on each core. Default: BENCH_JOBS, else -1.
         backend: loky, dask, or the name under which another is registered with joblib.
         scheduler: address of a dask scheduler.
+        options: what differs from the preset, under the names of the options of `bench run`:
+            ``experiments``, ``tasks``, ``methods``, ``sizes``, ``variants``, ``seeds``,
+            ``episodes``, ``demos`` and ``settings`` (``--set``), see `bench.studies.Options`.
 
     Raises:
         InputError: the study names something that does not exist, jobs is 0, or another run
@@ -41,24 +52,81 @@ def run(
     from bench.backend import Workers
     from bench.driver import count_jobs
     from bench.driver import run as run_study
-    from bench.presets import get_preset
+    from bench.studies import study_of
 
-    chosen = get_preset(study) if isinstance(study, str) else study
-    return run_study(chosen, Path(folder), Workers(count_jobs(jobs), backend, scheduler))
+    where = Workers(count_jobs(jobs), backend, scheduler)
+    return run_study(study_of(study, **options), Path(folder), where)
 
 
-def load(folder: str | Path) -> pd.DataFrame:
+def open(folder: str | Path | None = None) -> Opened:
+    """Opens results to read: tables, fitted methods, single episodes.
+
+    Args:
+        folder: of `bench run` or `bench pack`. Default: the shipped results.
+
+    Raises:
+        InputError: the folder holds no results.
+    """
+    from bench.opened import Opened
+
+    return Opened(folder)
+
+
+def load(folder: str | Path | None = None) -> pd.DataFrame:
     """Returns every stored episode of a results folder in one long table.
 
     Columns: ``task``, ``method``, ``variant``, ``size``, ``demos``, ``seed``, ``split``,
     ``physics``, ``controller``, ``rule``, ``start``, ``success``, ``diverged`` and ``steps``.
 
+    Args:
+        folder: of `bench run` or `bench pack`. Default: the shipped results.
+
     Raises:
         InputError: the folder holds no results.
     """
-    from bench.store import Store, episodes_table
+    return open(folder).episodes
 
-    return episodes_table(Store(Path(folder)))
+
+def demos(task: str, file: str | Path | None = None) -> tuple[Demos, Demos]:
+    """Returns demonstrations of a task, those to train on and those for validation.
+
+    Args:
+        task: name of a task.
+        file: of demonstrations, as `bench demos record` writes it. Default: the expert's, which
+            are made on the first call, within minutes.
+
+    Raises:
+        InputError: there is no such task, or the file holds no demonstrations of it.
+    """
+    from tasks.demos import load_demos, read_demos, split
+    from tasks.registry import get_task
+
+    chosen = get_task(task)
+    return split(load_demos(chosen) if file is None else read_demos(chosen, Path(file)))
+
+
+def demos_from_arrays(
+    task: str, *, actions: ArrayLike, starts: ArrayLike, states: ArrayLike | None = None
+) -> Replayed:
+    """Returns demonstrations made of recorded actions, which are replayed from their starts.
+
+    ``demos_from_arrays(...).save("mine.safetensors")`` writes those that succeed to a file for
+    ``run(..., demos="mine.safetensors")``.
+
+    Args:
+        task: name of a task.
+        actions: (N, T-1, A) normalised servo set-points, clipped to [-1, 1].
+        starts: (N, P) what varies from one episode to the next, see `bench describe TASK`.
+        states: (N, T, D), only to be compared with those of the replay, see `Replayed.drift`.
+
+    Raises:
+        InputError: an array is not real and finite or has another shape, or a start is out of the
+            range of demonstrations.
+    """
+    from tasks.arrays import replay_arrays
+    from tasks.registry import get_task
+
+    return replay_arrays(get_task(task), actions, starts, states)
 
 
 def _in_the_way() -> str:

@@ -1,25 +1,32 @@
 """`bench demos`: the demonstrations that methods learn from."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.options import SOME_FAILED, TaskName
+from bench.options import SOME_FAILED, TaskName, number
 from bench.parsing import known_names
-from tasks.errors import InputError
 from tasks.files import new_path
 from tasks.registry import TASKS, get_task
 
 if TYPE_CHECKING:
+    from tasks.arrays import Replayed
     from tasks.data import BoolArray
 
 app = typer.Typer(
-    no_args_is_help=True, help="Make demonstrations, and exchange them as Minari data sets."
+    no_args_is_help=True,
+    help="Make demonstrations, take them from a policy or data of your own, and exchange them as"
+    " Minari data sets.",
 )
 
 Folder = Annotated[
     Path, typer.Argument(help="Folder of a Minari data set, the one that contains data/.")
+]
+
+NewFile = Annotated[
+    Path, typer.Option(help="New file, such as mine.safetensors, for `bench run --demos`.")
 ]
 
 
@@ -51,25 +58,64 @@ def export_set(task: TaskName, folder: Folder) -> None:
     print(f"wrote {len(demos)} demonstrations of {task} to {folder}")
 
 
-@app.command("import")
-def import_set(
+@app.command()
+def record(
     task: TaskName,
-    folder: Folder,
-    out: Annotated[
-        Path, typer.Option(help="New file, such as mine.safetensors, for `bench run --demos`.")
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="FILE.py:NAME, such as my_policy.py:act, or MODULE:NAME. A function act(state, t)"
+            " from states (B, D) to actions (B, A), or an object or class with act, and reset"
+            " if need be."
+        ),
     ],
+    out: NewFile,
+    count: Annotated[
+        int, number(1, "Demonstrations to keep, four in five to train on. Default: 250.")
+    ] = 250,
 ) -> None:
-    """Replay a Minari data set of an Adroit environment and keep the episodes that succeed."""
+    """Run a policy of your own from new starts, and keep the episodes that succeed."""
+    from bench.recording import record_policy
     from tasks.demos import save_demos
+
+    get_task(task)
+    new_path(out)
+    success, demos = record_policy(
+        task, policy, count, lambda line: print(line, file=sys.stderr, flush=True)
+    )
+    print(f"{task}: {policy} succeeds from {success.sum()} of {len(success)} starts")
+    save_demos(demos, out)
+    print(f"wrote {len(demos)} demonstrations to {out}")
+
+
+@app.command("from-arrays")
+def from_arrays(
+    task: TaskName,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help=".npz file of arrays: actions (N, T-1, A), starts (N, P), and perhaps states"
+            " (N, T, D), which are compared with those of the replay."
+        ),
+    ],
+    out: NewFile,
+) -> None:
+    """Replay recorded actions from their starts, and keep the episodes that succeed."""
+    from tasks.arrays import read_arrays, replay_arrays
+
+    chosen = get_task(task)
+    new_path(out)
+    _keep(task, replay_arrays(chosen, **read_arrays(file)), out)
+
+
+@app.command("import")
+def import_set(task: TaskName, folder: Folder, out: NewFile) -> None:
+    """Replay a Minari data set of an Adroit environment and keep the episodes that succeed."""
     from tasks.minari import import_demos
 
+    chosen = get_task(task)
     new_path(out)
-    imported = import_demos(get_task(task), folder)
-    _print_replay(task, imported.success)
-    if not len(imported.demos):
-        raise InputError(f"no episode of {folder} succeeds on replay, so there is nothing to write")
-    save_demos(imported.demos, out)
-    print(f"wrote {len(imported.demos)} demonstrations to {out}")
+    _keep(task, import_demos(chosen, folder), out)
 
 
 @app.command()
@@ -88,3 +134,12 @@ def _print_replay(task: str, success: "BoolArray") -> None:
     print(f"{task}: {success.sum()} of {len(success)} episodes succeed on replay")
     if failed:
         print(f"episodes that fail: {', '.join(failed)}")
+
+
+def _keep(task: str, replayed: "Replayed", out: Path) -> None:
+    """Prints what came of a replay, and writes what succeeded."""
+    _print_replay(task, replayed.success)
+    if replayed.drift is not None:
+        print(f"given states differ from those of the replay by at most {replayed.drift:.2g}")
+    replayed.save(out)
+    print(f"wrote {len(replayed.demos)} demonstrations to {out}")

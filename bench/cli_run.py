@@ -3,20 +3,17 @@
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from bench import parsing
 from bench.options import SOME_FAILED, AsJson, Jobs, number, results_folder
+from bench.studies import study_of
 from tasks.errors import InputError
 from tasks.files import writable_folder
-
-if TYPE_CHECKING:
-    from bench.presets import Study
 
 Preset = Annotated[
     str, typer.Argument(help="Name of a preset: smoke, quick or paper. See `bench describe NAME`.")
@@ -72,12 +69,13 @@ Settings = Annotated[
         " ngf.hidden=64,32. Repeat the option for more.",
     ),
 ]
-DemosFile = Annotated[
-    Path | None,
+DemosFiles = Annotated[
+    list[Path] | None,
     typer.Option(
         "--demos",
-        help="File of demonstrations to learn from, written by `bench demos import`; needs one"
-        " task in --tasks. Default: the expert's demonstrations.",
+        help="File of demonstrations to learn from, written by `bench demos record`, `from-arrays`"
+        " or `import`. Repeat the option for more tasks: each task of the run needs a file."
+        " Default: the expert's demonstrations.",
     ),
 ]
 
@@ -92,7 +90,7 @@ def run(
     variants: Variants = None,
     seeds: Seeds = None,
     episodes: Episodes = None,
-    demos: DemosFile = None,
+    demos: DemosFiles = None,
     settings: Settings = None,
     jobs: Jobs = None,
     backend: Annotated[
@@ -114,8 +112,17 @@ def run(
     from bench.driver import count_jobs
     from bench.driver import run as run_study
 
-    study = _study(
-        preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
+    study = study_of(
+        preset,
+        experiments=experiments,
+        tasks=tasks,
+        methods=methods,
+        sizes=sizes,
+        variants=variants,
+        seeds=seeds,
+        episodes=episodes,
+        demos=demos,
+        settings=settings,
     )
     _warn_of_namesakes(study.methods)
     count = count_jobs(jobs)
@@ -161,7 +168,7 @@ def plan(
     variants: Variants = None,
     seeds: Seeds = None,
     episodes: Episodes = None,
-    demos: DemosFile = None,
+    demos: DemosFiles = None,
     settings: Settings = None,
     jobs: Jobs = None,
     as_json: AsJson = False,
@@ -173,8 +180,17 @@ def plan(
     from bench.driver import count_jobs
     from bench.plan import make_plan
 
-    study = _study(
-        preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
+    study = study_of(
+        preset,
+        experiments=experiments,
+        tasks=tasks,
+        methods=methods,
+        sizes=sizes,
+        variants=variants,
+        seeds=seeds,
+        episodes=episodes,
+        demos=demos,
+        settings=settings,
     )
     writable_folder(out)
     count = count_jobs(jobs)
@@ -191,66 +207,6 @@ def plan(
             "".format(**asdict(made), jobs=count)
         )
     made.check()
-
-
-def _study(
-    preset: str,
-    experiments: str | None,
-    tasks: str | None,
-    methods: str | None,
-    sizes: str | None,
-    variants: str | None,
-    seeds: str | None,
-    episodes: int | None,
-    demos: Path | None,
-    settings: list[str] | None,
-) -> "Study":
-    """The preset with the changes that the options ask for."""
-    from bench.presets import get_preset
-
-    study = get_preset(preset)
-    if experiments is not None:
-        chosen = _experiments(preset, experiments)
-        study = replace(study, episodes={name: study.episodes[name] for name in chosen})
-    if episodes is not None:
-        study = replace(study, episodes=dict.fromkeys(study.episodes, episodes))
-    if tasks is not None:
-        from tasks.registry import TASKS
-
-        study = replace(study, tasks=parsing.known_names("--tasks", "task", tasks, TASKS))
-    if methods is not None:
-        from methods.registry import method_names, unusable
-
-        if "expert" in parsing.names("--methods", methods):
-            raise InputError("the expert is evaluated in every run: leave it out of --methods")
-        known = dict.fromkeys([*method_names(), *unusable()])
-        study = replace(study, methods=parsing.known_names("--methods", "method", methods, known))
-    if sizes is not None:
-        study = replace(study, sizes=parsing.names("--sizes", sizes))
-    if variants is not None:
-        study = replace(study, variants=parsing.names("--variants", variants))
-    if seeds is not None:
-        study = replace(study, seeds=parsing.seeds(seeds))
-    if demos is not None:
-        from bench.experiments import learning_from
-
-        study = learning_from(study, demos)
-    return replace(study, settings=parsing.settings(settings or []))
-
-
-def _experiments(preset: str, text: str) -> tuple[str, ...]:
-    """The experiments in a list, in the preset's order."""
-    from bench.presets import PRESETS
-
-    own = PRESETS[preset].episodes
-    for name in parsing.names("--experiments", text):
-        presets = [other for other, study in PRESETS.items() if name in study.episodes]
-        if presets and preset not in presets:
-            raise InputError(
-                f"the preset {preset} has no experiment {name!r}: use {' or '.join(presets)}, or"
-                f" choose from {', '.join(own)}"
-            )
-    return parsing.known_names("--experiments", "experiment", text, own)
 
 
 def _warn_of_namesakes(methods: Sequence[str]) -> None:

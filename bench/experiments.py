@@ -17,7 +17,7 @@ from methods.base import ActionMethod, Method
 from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import SUITE, get_method
-from tasks.demos import adopt_demos, demos_key, load_demos, split
+from tasks.demos import adopt_demos, demos_key, load_demos, split, task_of
 from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL, PHYSICS, READINGS, VARIATIONS
 from tasks.registry import APPENDIX, JUDGED_OTHERWISE, PUBLISHED, get_task
@@ -36,30 +36,60 @@ def recipes_of(study: Study) -> Recipes:
     return {task: study.recipes.get(task) or demos_key(get_task(task)) for task in study.tasks}
 
 
-def learning_from(study: Study, file: Path) -> Study:
-    """Returns the study with the demonstrations of a file in place of the expert's.
+def learning_from(study: Study, files: Sequence[Path]) -> Study:
+    """Returns the study with the demonstrations of files in place of the expert's.
+
+    Args:
+        study: what is changed.
+        files: one for each task of the study.
 
     Raises:
-        InputError: the study is of several tasks, or the file is refused, see `adopt_demos`.
+        InputError: a task has no file, or two; a file is of another task, or is refused, see
+            `adopt_demos`.
     """
-    if len(study.tasks) != 1:
-        raise InputError(
-            f"--demos {file}: a file holds demonstrations of one task: choose it with --tasks"
-        )
-    (name,) = study.tasks
-    recipe = adopt_demos(get_task(name), file)
-    training, _ = split(load_demos(get_task(name), recipe))
-    note = (
-        f"On {name}, the methods and the original controller learnt from the demonstrations of"
+    chosen = _by_task(study, files)
+    recipes = {task: adopt_demos(get_task(task), file) for task, file in chosen.items()}
+    counts = [len(split(load_demos(get_task(task), recipe))[0]) for task, recipe in recipes.items()]
+    notes = [
+        f"On {task}, the methods and the original controller learnt from the demonstrations of"
         f" {file.name}. The expert in the tables is the suite's own, not the demonstrator of that"
         " file; tuned and unclipped controllers learnt from the suite's expert."
-    )
+        for task, file in chosen.items()
+    ]
     return replace(
         study,
-        recipes={name: recipe},
-        demos=min(study.demos, len(training)),
-        note=f"{study.note} {note}".strip(),
+        recipes=recipes,
+        demos=min(study.demos, *counts),
+        note=" ".join([study.note, *notes]).strip(),
     )
+
+
+def _by_task(study: Study, files: Sequence[Path]) -> dict[str, Path]:
+    """The files by task, in the study's order."""
+    tasks, found = ", ".join(study.tasks), dict[str, Path]()
+    for file in files:
+        name = task_of(file)
+        if not name and len(study.tasks) > 1:
+            raise InputError(
+                f"--demos {file} does not say which task it shows: choose that task with --tasks"
+            )
+        name = name or study.tasks[0]
+        if name not in study.tasks:
+            raise InputError(
+                f"--demos {file} holds demonstrations of {name}, which is not among the tasks of"
+                f" the run ({tasks}): change --tasks"
+            )
+        if name in found:
+            raise InputError(f"--demos {found[name]} and {file} both show {name}: give one of them")
+        found[name] = file
+    missing = [task for task in study.tasks if task not in found]
+    if missing:
+        raise InputError(
+            f"--demos gives demonstrations of {', '.join(found) or 'no task'}, not of"
+            f" {', '.join(missing)}: give a file for each task of the run, or choose tasks with"
+            " --tasks"
+        )
+    return {task: found[task] for task in study.tasks}
 
 
 def sizes(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:

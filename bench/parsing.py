@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from typing import Any
 
@@ -97,22 +97,31 @@ def seeds(text: str) -> tuple[int, ...]:
     return tuple(found)
 
 
-def settings(texts: Sequence[str]) -> dict[tuple[str, str], Any]:
-    """Returns the values of ``METHOD.FIELD=VALUE``, by method and field.
+def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], Any]:
+    """Returns values by method and field.
 
-    A value is read as JSON or as a whole number like 10_000, and is a text otherwise.
+    Args:
+        given: values by ``METHOD.FIELD``, or texts ``METHOD.FIELD=VALUE``. There a value is read as
+            JSON or as a whole number like 10_000, and is a text otherwise.
 
     Raises:
         InputError: a setting is written otherwise.
     """
+    if isinstance(given, Mapping):
+        return {_place(place, place): value for place, value in given.items()}
     found = {}
-    for text in texts:
+    for text in given:
         place, equals, value = text.partition("=")
-        method, dot, field = (part.strip() for part in place.partition("."))
-        if not (equals and dot and method and field):
-            raise InputError(f"--set takes METHOD.FIELD=VALUE, such as nn.epochs=50, got {text!r}")
-        found[method, field] = scalar(value)
+        found[_place(place if equals else "", text)] = scalar(value)
     return found
+
+
+def _place(place: str, text: str) -> tuple[str, str]:
+    """The method and the field of ``METHOD.FIELD``; the text is for the message."""
+    method, _, field = (part.strip() for part in place.partition("."))
+    if not (method and field):
+        raise InputError(f"--set takes METHOD.FIELD=VALUE, such as nn.epochs=50, got {text!r}")
+    return method, field
 
 
 def scalar(text: str) -> Any:

@@ -110,7 +110,7 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
     Raises:
         InputError: it is from other demonstrations than this installation makes.
     """
-    fit = Fit(**{field.name: row[field.name] for field in fields(Fit)})
+    fit = fit_of(row)
     task = get_task(fit.task)
     kept = fit.method != EXPERT and demos_path(task, fit.recipe).exists()
     if fit.recipe != demos_key(task) and not kept:
@@ -119,3 +119,8 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
             " another expert, task or version of MuJoCo"
         )
     return fit
+
+
+def fit_of(row: Mapping[str, Any]) -> Fit:
+    """Returns the fit of a row of `Store.frame`, whatever it learnt from."""
+    return Fit(**{field.name: row[field.name] for field in fields(Fit)})

@@ -147,9 +147,9 @@ def verify(
     """
     from bench.backend import Workers
     from bench.driver import count_jobs
+    from bench.packed import open_results
     from bench.verify import OUTSIDE
     from bench.verify import verify as verify_results
-    from reports.reference import open_results
 
     source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
     found = verify_results(source, cells, episodes, draw, where)
@@ -167,7 +167,7 @@ def verify(
 
 def _one_of(folder: Path | None, reference: bool) -> Path:
     """The results folder, or the folder of the shipped results."""
-    from reports.reference import shipped
+    from bench.packed import shipped
 
     if (folder is None) is not reference:
         both = "" if folder is None else ", not both"

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 
 from bench.controller import AUDITED
+from bench.packed import open_results
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
 from reports.protocol import MARK, Unlike, differences
-from reports.reference import Beside, open_results
+from reports.reference import Beside
 from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered

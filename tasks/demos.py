@@ -3,6 +3,8 @@
 import hashlib
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, UnclippedDemos, key
 from tasks.errors import InputError, described
 from tasks.experts import load_expert
-from tasks.files import to_bytes, whole_file, writable_folder
+from tasks.files import labels_of, to_bytes, whole_file, writable_folder
 from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
@@ -28,9 +30,12 @@ _BLOCK = 300
 """Starts tried at a time."""
 _FOLDER = "demos"
 _ARRAYS = ("states", "velocities", "actions", "start_index", "start_values")
+_TASK = "task"
+"""Label of a file: the task that its demonstrations show."""
 _MAKING = (
     f"such a file is in the safetensors format, with the arrays {', '.join(_ARRAYS)};"
-    " `bench demos import` makes one from a Minari data set, and tasks.demos.save_demos in Python"
+    " `bench demos record` makes one from a policy, `bench demos from-arrays` from arrays, and"
+    " `bench demos import` from a Minari data set"
 )
 _CURE = "set BENCH_CACHE to another folder"
 
@@ -114,18 +119,40 @@ def make_demos(task: Task, expert: Policy, n: int, threads: int = 0) -> Demos:
     Raises:
         InputError: fewer than one episode in ten succeeds.
     """
+    attempt = partial(record, task, policy=expert, threads=threads)
+    return collect(task, n, "the expert", attempt)[1]
+
+
+def collect(
+    task: Task, n: int, who: str, attempt: Callable[[Starts], tuple[BoolArray, Demos]]
+) -> tuple[BoolArray, Demos]:
+    """Returns from which starts of the split ``demo`` an attempt succeeded, and n demonstrations.
+
+    Starts are tried in blocks, from the first, until there are as many demonstrations.
+
+    Args:
+        task: what they show.
+        n: how many.
+        who: does it, for the message.
+        attempt: returns from which starts (B,) it succeeded, and what it did there.
+
+    Raises:
+        InputError: fewer than one episode in ten succeeds.
+    """
+    success = np.zeros(0, np.bool_)
     found: list[Demos] = []
-    tried = 0
-    while sum(map(len, found)) < n:
-        if tried > _BLOCK + 10 * n:
+    while success.sum() < n:
+        starts = task.sample("demo", len(success) + _BLOCK)[len(success) :]
+        tried, demos = attempt(starts)
+        success = np.concatenate([success, tried])
+        found.append(demos)
+        if 10 * success.sum() < len(success):
             raise InputError(
-                f"too few for {n} demonstrations: the expert of {task.name} succeeded in"
-                f" {sum(map(len, found))} of {tried} episodes"
+                f"{who} succeeded in {success.sum()} of {len(success)} episodes of {task.name},"
+                " fewer than one in ten, which is too few to learn from; actions are set-points in"
+                f" [-1, 1], and `bench describe {task.name}` says when an episode succeeds"
             )
-        starts = task.sample("demo", tried + _BLOCK)[tried:]
-        tried += _BLOCK
-        found.append(record(task, starts, expert, threads=threads)[1])
-    return _join(found)[:n]
+    return success, _join(found)[:n]
 
 
 def demos_key(task: Task) -> str:
@@ -178,6 +205,33 @@ def split(demos: Demos) -> tuple[Demos, Demos]:
     return demos[:training], demos[training:]
 
 
+def read_demos(task: Task, file: Path) -> Demos:
+    """Returns the demonstrations of a file.
+
+    Args:
+        task: what they show.
+        file: as `save_demos` writes it.
+
+    Raises:
+        InputError: it is no such file, is damaged, is of another task or of other dimensions, or
+            holds what `Starts` or `Demos` refuse.
+    """
+    found = _from_bytes(task, _read_file(file), file)
+    _check_for(task, found, file)
+    return found
+
+
+def task_of(file: Path) -> str:
+    """Returns the name of the task that a file of demonstrations shows; files of old do not say.
+
+    Raises:
+        InputError: it is no such file, or is damaged.
+    """
+    data = _read_file(file)
+    _check_arrays(data, file)
+    return labels_of(data).get(_TASK, "")
+
+
 def adopt_demos(task: Task, file: Path) -> str:
     """Puts demonstrations of a file into the cache; returns the key that they have there.
 
@@ -186,14 +240,12 @@ def adopt_demos(task: Task, file: Path) -> str:
         file: as `save_demos` writes it.
 
     Raises:
-        InputError: it is no such file, is damaged, is of other dimensions than the task, or holds
-            what `Starts` or `Demos` refuse; or the cache cannot be written to.
+        InputError: see `read_demos`; or the cache cannot be written to.
     """
-    found = _from_bytes(task, _read_file(file), file)
-    _check_for(task, found, file)
-    # Of what is kept, not of the file: its numbers may have been converted.
+    found = read_demos(task, file)
+    # Of the arrays kept, not of the file: its numbers may have been converted.
+    recipe = key("demos file", hashlib.sha256(to_bytes(_arrays(found))).hexdigest())
     data = _to_bytes(found)
-    recipe = key("demos file", hashlib.sha256(data).hexdigest())
     path = demos_path(task, recipe)
     if _read(path) != data:
         writable_cache(_FOLDER)
@@ -317,19 +369,24 @@ def _digest_path(path: Path) -> Path:
 
 
 def _to_bytes(demos: Demos) -> bytes:
-    return to_bytes(
-        {
-            "states": demos.states,
-            "velocities": demos.velocities,
-            "actions": demos.actions,
-            "start_index": demos.starts.index,
-            "start_values": demos.starts.values,
-        }
-    )
+    return to_bytes(_arrays(demos), **{_TASK: demos.starts.task})
+
+
+def _arrays(demos: Demos) -> dict[str, NDArray[Any]]:
+    return {
+        "states": demos.states,
+        "velocities": demos.velocities,
+        "actions": demos.actions,
+        "start_index": demos.starts.index,
+        "start_values": demos.starts.values,
+    }
 
 
 def _from_bytes(task: Task, data: bytes, file: Path) -> Demos:
     arrays = _check_arrays(data, file)
+    shown = labels_of(data).get(_TASK, task.name)
+    if shown != task.name:
+        raise InputError(f"{file} holds demonstrations of {shown}, not of {task.name}")
     try:
         starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
         return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])

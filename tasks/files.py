@@ -20,17 +20,22 @@ _COMPLEX = "complex"
 """Metadata of a file: the names of complex arrays, stored as pairs of real numbers."""
 
 
-def to_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+def to_bytes(arrays: Mapping[str, NDArray[Any]], **labels: str) -> bytes:
     """Returns arrays by name as the content of a safetensors file, which `from_bytes` reads.
 
     The format has no complex numbers of double precision: they are stored as (..., 2).
+
+    Args:
+        arrays: what the file holds.
+        labels: texts by name about the whole, which `labels_of` reads.
     """
     plain = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     paired = [name for name, array in plain.items() if array.dtype.kind == "c"]
     for name in paired:
         wide = plain[name].astype(np.complex128)
         plain[name] = np.stack([wide.real, wide.imag], axis=-1)
-    return save(plain, metadata={_COMPLEX: json.dumps(paired)} if paired else None)
+    metadata = labels | ({_COMPLEX: json.dumps(paired)} if paired else {})
+    return save(plain, metadata=metadata or None)
 
 
 def from_bytes(content: bytes) -> dict[str, NDArray[Any]]:
@@ -40,10 +45,15 @@ def from_bytes(content: bytes) -> dict[str, NDArray[Any]]:
         safetensors.SafetensorError: it is no such content.
     """
     arrays = load(content)
-    header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
-    for name in json.loads(header.get("__metadata__", {}).get(_COMPLEX, "[]")):
+    for name in json.loads(labels_of(content).get(_COMPLEX, "[]")):
         arrays[name] = arrays[name].view(np.complex128)[..., 0]
     return arrays
+
+
+def labels_of(content: bytes) -> dict[str, str]:
+    """Returns the texts by name that the content of a sound safetensors file has of the whole."""
+    header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
+    return dict(header.get("__metadata__", {}))
 
 
 def flush(path: Path, content: bytes) -> None:

@@ -20,8 +20,9 @@ from gymnasium import spaces
 from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 
+from tasks.arrays import Replay, Replayed
 from tasks.base import Task
-from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, real
+from tasks.data import Demos, FloatArray, IntArray, Starts, real
 from tasks.demos import record
 from tasks.errors import InputError
 from tasks.files import new_path, whole_folder
@@ -64,16 +65,6 @@ START_VALUES: dict[str, Callable[[dict[str, FloatArray]], FloatArray]] = {
 
 
 @dataclass(frozen=True)
-class Imported:
-    """What came of replaying the episodes of a file."""
-
-    demos: Demos
-    """Those that succeed on replay."""
-    success: BoolArray
-    """(B,) of all episodes of the file, in its order."""
-
-
-@dataclass(frozen=True)
 class _Episode:
     initial: dict[str, FloatArray]
     """qpos, qvel, and what PLACED names."""
@@ -112,7 +103,7 @@ def export_demos(task: Task, demos: Demos, folder: Path) -> None:
         )
 
 
-def import_demos(task: Task, folder: Path) -> Imported:
+def import_demos(task: Task, folder: Path) -> Replayed:
     """Returns the episodes of a Minari data set of the task's Adroit environment, replayed.
 
     Raises:
@@ -123,17 +114,19 @@ def import_demos(task: Task, folder: Path) -> Imported:
     values = np.stack([START_VALUES[task.name](episode.initial) for episode in episodes])
     starts = Starts(task.name, "demo", np.arange(len(episodes)), values)
     success, demos = record(task, starts, _Replay(task, episodes))
-    return Imported(demos, success)
+    return Replayed(demos, success)
 
 
-class _Replay:
+class _Replay(Replay):
     """Plays back actions from recorded initial states."""
 
     def __init__(self, task: Task, episodes: list[_Episode]) -> None:
+        super().__init__(np.stack([episode.actions for episode in episodes]))
         self.task, self.episodes = task, episodes
 
     def reset(self, simulator: Simulator) -> None:
         """Puts the simulations at the initial states of their episodes."""
+        super().reset(simulator)
         chosen = [self.episodes[i] for i in simulator.starts.index]
         batch = simulator.batch
         batch.qpos[:] = np.stack([episode.initial["qpos"] for episode in chosen])
@@ -142,11 +135,6 @@ class _Replay:
             values = np.stack([episode.initial[placed.name] for episode in chosen])
             setattr(getattr(batch, placed.element)(placed.of), placed.attribute, values)
         simulator.refresh()
-        self._actions = np.stack([episode.actions for episode in chosen])
-
-    def act(self, simulator: Simulator, step: int) -> FloatArray:
-        """Returns the recorded actions (B, A)."""
-        return self._actions[:, step]
 
 
 def _placed(task: Task) -> tuple[Placed, ...]:

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bench.cli_run import _study
 from bench.experiments import cells_of
 from bench.presets import PRESETS
 from bench.spec import Cell, Evaluation, Fit
 from bench.store import Store, _digest
+from bench.studies import Options, study_of
 from methods.base import shortened
 from methods.checks import LAYOUT, toy
 from methods.registry import get_method, method_names
@@ -71,7 +71,8 @@ def test_any_command_line_is_understood_or_refused(times):
         assignments=st.none() | st.lists(st.text(max_size=20), max_size=2),
     )
     def fuzz(preset, names, episodes, assignments):
-        study = partial(_study, preset, *names, episodes, demos=None, settings=assignments)
+        lists = dict(zip(list(Options.__annotations__)[:6], names, strict=True))
+        study = partial(study_of, preset, **lists, episodes=episodes, settings=assignments)
         understood(lambda: cells_of(study(), RECIPES))
 
     fuzz()

@@ -324,8 +324,9 @@ class TestInProcess:
     @pytest.mark.parametrize(
         ("options", "answer"),
         [
-            (("smoke", "--tasks", "relocation"), "'relocation'|have shape"),
-            (("quick",), "demonstrations of one task: choose it with --tasks"),
+            (("smoke", "--tasks", "relocation"), "demonstrations of door, which is not among"),
+            (("quick",), "of door, not of tool, relocation, reorientation: give a file for each"),
+            (("smoke", "--demos", "FILE"), "both show door: give one of them"),
         ],
     )
     def test_demonstrations_of_another_task_are_refused(
@@ -333,7 +334,8 @@ class TestInProcess:
     ):
         file, out = tmp_path / "mine.safetensors", tmp_path / "results"
         save_demos(load_demos(task), file)
-        code, _, error = bench("run", *options, "--out", str(out), "--demos", str(file))
+        words = [str(file) if word == "FILE" else word for word in options]
+        code, _, error = bench("run", *words, "--out", str(out), "--demos", str(file))
         assert code == 2
         assert re.search(answer, error)
         assert not out.exists()
@@ -346,7 +348,7 @@ class TestInProcess:
             ("a folder", "bench demos import TASK"),
             ("no SHA-256", "lacks its SHA-256, which is written beside it as mine.safe"),
             ("text", "is no file of demonstrations; such a file is in the safetensors format"),
-            ("other content", "`bench demos import` makes one"),
+            ("other content", "`bench demos record` makes one"),
         ],
     )
     def test_a_file_without_sound_demonstrations_is_refused(
@@ -421,7 +423,7 @@ class TestInProcess:
         bench("run", "smoke", "--methods", "kodex,nn", *options, str(theirs))
         bench("run", "smoke", "--methods", "kodex", *options[:2], "--out", str(out))
         bench("pack", str(theirs), "--out", str(small))
-        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        monkeypatch.setattr("bench.packed.SHIPPED", small)
         export = tmp_path / "all.parquet"
         code, _, error = bench("report", str(out), "--with-reference", "--export", str(export))
         assert (code, error) == (0, "")
@@ -442,7 +444,7 @@ class TestInProcess:
         run(replace(study, controller=ControllerConfig(epochs=6)), theirs, Workers(1))
         bench("run", "smoke", "--jobs", "1", "--out", str(out))
         bench("pack", str(theirs), "--out", str(small))
-        monkeypatch.setattr("reports.reference.SHIPPED", small)
+        monkeypatch.setattr("bench.packed.SHIPPED", small)
         pair = ("--methods", "kodex,nn")
         report, compare = ("report", str(out)), ("compare", str(out), *pair)
         command = f"--tasks door --methods kodex --out {out}-paper\n"
@@ -509,7 +511,7 @@ class TestInProcess:
         file = tmp_path / "mine.safetensors"
         save_demos(load_demos(task)[:5], file)
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"robustness": 3})
-        run(learning_from(study, file), tmp_path / "results", Workers(1))
+        run(learning_from(study, [file]), tmp_path / "results", Workers(1))
         results = Results(tmp_path / "results")
         captions = {
             exhibit.name: exhibit.with_remarks(results).caption(exhibit.table(results))
@@ -519,7 +521,7 @@ class TestInProcess:
         assert {name for name, caption in captions.items() if remark in caption} == {"table_8"}
 
     def test_nothing_shipped_lies_beside_nothing(self, task, smoke, bench, tmp_path, monkeypatch):
-        monkeypatch.setattr("reports.reference.SHIPPED", tmp_path / "nothing")
+        monkeypatch.setattr("bench.packed.SHIPPED", tmp_path / "nothing")
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         code, _, error = bench("report", str(tmp_path), "--with-reference")
         assert code == 2

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 from bench.experiments import cells_of
+from bench.packed import SHIPPED as REFERENCE
 from bench.presets import get_preset
 from methods import registry
 from reports.protocol import SHIPPED, Unlike, differences
-from reports.reference import SHIPPED as REFERENCE
 from reports.results import Results
 
 CONTROLLERS = {}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reports.reference import SHIPPED
+from bench.packed import SHIPPED
 
 ROOT = Path(__file__).parents[2]
 REPORT = """

@@ -8,6 +8,7 @@ from safetensors.numpy import save
 from tasks import demos, experts
 from tasks.data import Demos, UnclippedDemos, key
 from tasks.errors import InputError
+from tasks.registry import get_task
 from tasks.simulator import Simulator, rollout
 
 TRAINING, VALIDATION = 6, 2
@@ -158,10 +159,23 @@ def test_a_file_in_single_precision_is_learnt_from_in_double(task, shipped, tmp_
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_key_of_a_file_is_that_of_its_bytes(task, shipped, tmp_path):
+def test_the_key_of_a_file_is_that_of_its_arrays(task, shipped, tmp_path):
+    """Files of earlier versions, which do not name their task, keep their results."""
+    made = demos.load_demos(task)
+    demos.save_demos(made, tmp_path / "mine")
+    write_file(tmp_path / "nameless", made)
+    digest = hashlib.sha256((tmp_path / "nameless").read_bytes()).hexdigest()
+    assert demos.task_of(tmp_path / "mine") == "door"
+    assert demos.task_of(tmp_path / "nameless") == ""
+    for name in ("mine", "nameless"):
+        assert demos.adopt_demos(task, tmp_path / name) == key("demos file", digest)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_file_of_another_task_is_refused_by_its_name(task, shipped, tmp_path):
     demos.save_demos(demos.load_demos(task), tmp_path / "mine")
-    digest = hashlib.sha256((tmp_path / "mine").read_bytes()).hexdigest()
-    assert demos.adopt_demos(task, tmp_path / "mine") == key("demos file", digest)
+    with pytest.raises(InputError, match=r"mine holds demonstrations of door, not of relocation"):
+        demos.read_demos(get_task("relocation"), tmp_path / "mine")
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

@@ -1,0 +1,85 @@
+"""Fitted methods, loaded from what a results folder has stored of them."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pandas as pd
+
+from bench.selection import best_size
+from bench.spec import EXPERT, VALIDATION
+from bench.store import Store, folder_name
+from bench.verify import fit_of
+from methods.base import Method
+from methods.contract import loaded
+from methods.registry import get_method
+from tasks.errors import InputError, unknown_name
+from tasks.registry import get_task
+
+ANY_SEED = 0
+"""The seed of a fit that stands for all seeds, since the method has no randomness."""
+
+
+class Methods(Mapping[str, Method]):
+    """Fitted methods of a task by name, each loaded when it is looked up.
+
+    Raises:
+        InputError: on look-up: there is no fit of that method, seed or size; or another version of
+            the method than the installed one has made it.
+    """
+
+    def __init__(
+        self, store: Store, frame: pd.DataFrame, task: str, seed: int | None, size: str | None
+    ) -> None:
+        """Takes the rows of a store that are wanted, see `bench.opened.Opened.methods`.
+
+        Raises:
+            InputError: there are no fits of that task.
+        """
+        fitted = frame[(frame.method != EXPERT) & (frame.variant == "described")]
+        self._rows = fitted[fitted.task == task]
+        if self._rows.empty:
+            raise unknown_name("task of these results", task, fitted.task.unique())
+        self._store, self._seed, self._size = store, seed, size
+
+    def __getitem__(self, name: str) -> Method:
+        if name not in self:
+            raise unknown_name("method of these results", name, self)
+        return _load(self._store, self._row(name))
+
+    def __contains__(self, name: object) -> bool:
+        return name in set(self._rows.method)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows.method.unique().tolist())
+
+    def __len__(self) -> int:
+        return int(self._rows.method.nunique())
+
+    def __repr__(self) -> str:
+        return f"<fitted methods: {', '.join(self)}>"
+
+    def _row(self, name: str) -> dict[str, Any]:
+        rows = self._rows[self._rows.method == name]
+        rows = rows[rows.demos == rows.demos.max()]
+        sizes = rows["size"].unique().tolist()
+        size = self._size or best_size(rows[rows.split == VALIDATION], sizes)
+        rows = rows[rows["size"] == size]
+        if rows.empty:
+            raise unknown_name(f"size of {name} in these results", size, sizes)
+        seeds = sorted(rows.seed.unique())
+        seed = seeds[0] if self._seed is None else self._seed
+        rows = rows[rows.seed.isin([ANY_SEED, seed])]
+        if rows.empty:
+            raise unknown_name(f"seed of {name} in these results", seed, map(str, seeds))
+        return dict(rows.to_dict("records")[0])
+
+
+def _load(store: Store, row: Mapping[str, Any]) -> Method:
+    fit = fit_of(row)
+    if folder_name(fit.label, fit.key) != row["folder"]:
+        raise InputError(
+            f"{row['folder']} was fitted by another version of {fit.method} than the installed"
+            " one: run the study again"
+        )
+    method, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
+    return loaded(method, fit.config, layout, store.parameters(fit))

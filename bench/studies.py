@@ -1,0 +1,146 @@
+"""A study made of a preset and what differs from it: one place for `bench run` and `bench.run`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+
+from bench import parsing
+from tasks.errors import InputError, unknown_name
+
+if TYPE_CHECKING:
+    from bench.presets import Study
+
+Names = str | Sequence[str]
+"""Names in a sequence, or in a text with commas between them."""
+
+
+class Options(TypedDict, total=False):
+    """What can differ from a preset. None leaves it as it is."""
+
+    experiments: Names | None
+    tasks: Names | None
+    methods: Names | None
+    """The expert is always evaluated too."""
+    sizes: Names | None
+    """Model sizes to compare."""
+    variants: Names | None
+    """Variants for the experiment ``audit``."""
+    seeds: str | int | Sequence[int] | None
+    """How many (5 means 1 to 5), which ([2, 4]), or as a text (``1-3,7``)."""
+    episodes: int | None
+    """Of each evaluation."""
+    demos: str | Path | Sequence[str | Path] | None
+    """Files of demonstrations, one for each task of the study."""
+    settings: Mapping[str, Any] | Sequence[str] | None
+    """Values by field of a method's config: ``{"nn.epochs": 50}``, or ``["nn.epochs=50"]``."""
+
+
+def study_of(study: str | Study, **options: Unpack[Options]) -> Study:
+    """Returns a study with the changes that the options ask for.
+
+    Args:
+        study: name of a preset, or a study.
+        options: see `Options`.
+
+    Raises:
+        InputError: there is no such preset or option, or a value cannot be used.
+    """
+    from bench.presets import get_preset
+
+    chosen = get_preset(study) if isinstance(study, str) else study
+    for name in options:
+        if name not in _CHANGES:
+            raise unknown_name("option of a study", name, _CHANGES)
+    given: Mapping[str, Any] = options
+    for name, change in _CHANGES.items():
+        if given.get(name) is not None:
+            chosen = change(chosen, given[name])
+    return chosen
+
+
+def _experiments(study: Study, names: Names) -> Study:
+    """The experiments named, in the study's order."""
+    from bench.presets import PRESETS
+
+    text = _text(names)
+    for name in parsing.names("--experiments", text):
+        presets = [other for other, preset in PRESETS.items() if name in preset.episodes]
+        if presets and name not in study.episodes:
+            own = [f"preset {other}" for other, preset in PRESETS.items() if preset is study]
+            raise InputError(
+                f"the {(own or ['study'])[0]} has no experiment {name!r}: use"
+                f" {' or '.join(presets)}, or choose from {', '.join(study.episodes)}"
+            )
+    chosen = parsing.known_names("--experiments", "experiment", text, study.episodes)
+    return replace(study, episodes={name: study.episodes[name] for name in chosen})
+
+
+def _episodes(study: Study, count: int) -> Study:
+    try:
+        number = parsing.whole_number(str(count), 1)
+    except InputError as error:
+        raise InputError(f"episodes {error}") from error
+    return replace(study, episodes=dict.fromkeys(study.episodes, number))
+
+
+def _tasks(study: Study, names: Names) -> Study:
+    from tasks.registry import TASKS
+
+    return replace(study, tasks=parsing.known_names("--tasks", "task", _text(names), TASKS))
+
+
+def _methods(study: Study, names: Names) -> Study:
+    from methods.registry import method_names, unusable
+
+    text = _text(names)
+    if "expert" in parsing.names("--methods", text):
+        raise InputError("the expert is evaluated in every run: leave it out of --methods")
+    known = dict.fromkeys([*method_names(), *unusable()])
+    return replace(study, methods=parsing.known_names("--methods", "method", text, known))
+
+
+def _sizes(study: Study, names: Names) -> Study:
+    return replace(study, sizes=parsing.names("--sizes", _text(names)))
+
+
+def _variants(study: Study, names: Names) -> Study:
+    return replace(study, variants=parsing.names("--variants", _text(names)))
+
+
+def _seeds(study: Study, seeds: str | int | Sequence[int]) -> Study:
+    return replace(
+        study, seeds=parsing.seeds(str(seeds) if isinstance(seeds, int) else _text(seeds))
+    )
+
+
+def _demos(study: Study, files: str | Path | Sequence[str | Path]) -> Study:
+    from bench.experiments import learning_from
+
+    several = [files] if isinstance(files, str | Path) else files
+    return learning_from(study, [Path(file) for file in several])
+
+
+def _settings(study: Study, settings: Mapping[str, Any] | Sequence[str]) -> Study:
+    return replace(study, settings=parsing.settings(settings))
+
+
+def _text(values: str | Sequence[Any]) -> str:
+    """The values as a command line writes them; the last comma keeps a lone seed from counting."""
+    return values if isinstance(values, str) else "".join(f"{value}," for value in values)
+
+
+_CHANGES: Mapping[str, Callable[[Study, Any], Study]] = {
+    "experiments": _experiments,
+    "episodes": _episodes,
+    "tasks": _tasks,
+    "methods": _methods,
+    "sizes": _sizes,
+    "variants": _variants,
+    "seeds": _seeds,
+    "demos": _demos,
+    "settings": _settings,
+}
+"""By option, what it changes, in this order: demonstrations are those of the tasks chosen."""

@@ -1,0 +1,33 @@
+"""Looks at single episodes that packages bring, by entry points of the group ``bench.views``."""
+
+from collections.abc import Callable
+from typing import Any
+
+from tasks.errors import InputError, described
+from tasks.packages import entry_points_of, owners
+
+ENTRY_POINTS = "bench.views"
+
+
+def view(name: str) -> Callable[..., Any]:
+    """Returns the function that an entry point of that name brings.
+
+    Raises:
+        InputError: no installed package brings one, several do, or it cannot be imported.
+    """
+    points = [point for point in entry_points_of(ENTRY_POINTS) if point.name == name]
+    if not points:
+        raise InputError(
+            f"no installed package brings the view {name!r}: kodex-bench does, so install it again"
+        )
+    packages = owners(points)
+    if len(points) > 1:
+        raise InputError(f"{packages} bring the same view {name!r}: uninstall all but one")
+    try:
+        found: Callable[..., Any] = points[0].load()
+    except Exception as error:
+        raise InputError(
+            f"view {name!r} of {packages} cannot be imported: {described(error)}; repair or"
+            f" uninstall {packages}"
+        ) from error
+    return found

@@ -1,0 +1,149 @@
+"""Demonstrations from arrays: recorded actions are replayed, and what happens then is kept.
+
+Nothing in a file is executed: no pickle.
+"""
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tasks.base import Task
+from tasks.data import BoolArray, Demos, FloatArray, Starts, real
+from tasks.demos import record, save_demos
+from tasks.errors import InputError
+from tasks.files import new_path
+from tasks.simulator import Simulator
+
+REQUIRED, OPTIONAL = ("actions", "starts"), ("states",)
+_UNREADABLE = (OSError, ValueError, EOFError, KeyError, MemoryError, zipfile.BadZipFile)
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What came of replaying recorded episodes."""
+
+    demos: Demos
+    """Those that succeed on replay."""
+    success: BoolArray
+    """(N,) of all episodes, in their order."""
+    drift: float | None = None
+    """Largest difference between given states and those of the replay, over episodes that succeed;
+    None if none were given."""
+
+    def save(self, file: str | Path) -> None:
+        """Writes the demonstrations to a new file, for `bench run --demos`.
+
+        Raises:
+            InputError: no episode succeeds, something is there already, or its folder cannot be
+                written to.
+        """
+        path = new_path(Path(file))
+        if not len(self.demos):
+            raise InputError(f"no episode succeeds on replay, so nothing is written to {path}")
+        save_demos(self.demos, path)
+
+
+class Replay:
+    """A policy that plays back actions, one row for each index of a start."""
+
+    def __init__(self, actions: FloatArray) -> None:
+        """Takes actions (N, T-1, A)."""
+        self._actions = actions
+
+    def reset(self, simulator: Simulator) -> None:
+        """Chooses the actions of the episodes."""
+        self._chosen = self._actions[simulator.starts.index]
+
+    def act(self, simulator: Simulator, step: int) -> FloatArray:
+        """Returns the recorded actions (B, A)."""
+        return self._chosen[:, step]
+
+
+def replay_arrays(
+    task: Task, actions: ArrayLike, starts: ArrayLike, states: ArrayLike | None = None
+) -> Replayed:
+    """Returns recorded episodes of a task, replayed in the simulator from their starts.
+
+    States and velocities of the demonstrations are those of the replay.
+
+    Args:
+        task: what the episodes show.
+        actions: (N, T-1, A) normalised servo set-points, clipped to [-1, 1].
+        starts: (N, P) what varies from one episode to the next, see `bench describe TASK`.
+        states: (N, T, D), only to be compared with those of the replay.
+
+    Raises:
+        InputError: an array is not real and finite or has another shape, or a start is out of the
+            range of demonstrations.
+    """
+    given = {"actions": actions, "starts": starts}
+    given |= {} if states is None else {"states": states}
+    arrays = _checked(task, given)
+    placed = Starts(task.name, "demo", np.arange(len(arrays["starts"])), arrays["starts"])
+    task.check_starts(placed)
+    success, demos = record(task, placed, Replay(arrays["actions"]))
+    drift = None
+    if "states" in arrays:
+        apart = np.abs(arrays["states"][demos.starts.index] - demos.states)
+        drift = float(apart.max(initial=0.0))
+    return Replayed(demos, success, drift)
+
+
+def read_arrays(file: Path) -> dict[str, FloatArray]:
+    """Returns the arrays of an ``.npz`` file that `replay_arrays` takes.
+
+    Raises:
+        InputError: it does not exist, is no such file, lacks an array, or holds one of Python
+            objects, which would have to be unpickled.
+    """
+    if not file.is_file():
+        raise InputError(f"{file} does not exist: name an .npz file, as numpy.savez writes it")
+    try:
+        if not zipfile.is_zipfile(file):
+            raise InputError(f"{file} is no .npz file, as numpy.savez writes it")
+        with np.load(file, allow_pickle=False) as found:
+            names = list(found.files)
+            missing = [name for name in REQUIRED if name not in names]
+            if missing:
+                raise InputError(
+                    f"{file} lacks {' and '.join(missing)}: it must be an .npz file of arrays"
+                    f" {' and '.join(REQUIRED)}, and perhaps {' and '.join(OPTIONAL)};"
+                    f" it holds {', '.join(names) or 'no arrays by name'}"
+                )
+            return {name: found[name] for name in (*REQUIRED, *OPTIONAL) if name in names}
+    except InputError:
+        raise
+    except _UNREADABLE as error:
+        raise InputError(f"{file} cannot be read as an .npz file of numbers: {error}") from error
+
+
+def _checked(task: Task, given: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
+    layout = task.layout
+    wanted = {
+        "actions": ("T-1, A", (task.steps, layout.action_dim)),
+        "starts": ("P", (len(task.start_components),)),
+        "states": ("T, D", (task.horizon, layout.state_dim)),
+    }
+    arrays = {name: real(f"{name} of {task.name}", values) for name, values in given.items()}
+    for name, array in arrays.items():
+        axes, shape = wanted[name]
+        if array.shape[1:] != shape or not array.ndim or not len(array):
+            sizes = ", ".join(map(str, shape))
+            raise InputError(
+                f"{name} of {task.name} must have shape (N, {axes}) = (N, {sizes}), got"
+                f" {array.shape}"
+            )
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=tuple(range(1, array.ndim))))
+        if bad.size:
+            raise InputError(
+                f"{name} of {task.name} must be finite; those of episode {bad[0]} are not"
+            )
+    lengths = {name: len(array) for name, array in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{count} of {name}" for name, count in lengths.items())
+        raise InputError(f"there must be as many episodes in each array, got {shown}")
+    return arrays

@@ -1,0 +1,205 @@
+"""Results, demonstrations and runs from Python."""
+
+import sys
+from importlib.metadata import EntryPoint
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bench as suite
+from bench import views
+from bench.presets import get_preset
+from bench.studies import study_of
+from methods.base import MotionMethod
+from tasks.demos import load_demos, save_demos
+from tasks.errors import InputError
+
+OPTIONS = ("--jobs", "1", "--episodes", "3", "--set", "nn.epochs=1")
+RUN = ("run", "smoke", "--methods", "kodex,nn", *OPTIONS)
+
+
+@pytest.fixture
+def door(task, smoke):
+    return task
+
+
+pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
+
+
+def test_results_are_opened_with_their_fits(door, bench, tmp_path):
+    bench(*RUN, "--seeds", "2,3", "--out", str(tmp_path))
+    found = suite.open(tmp_path)
+    assert {"expert", "kodex", "nn"} == set(found.frame.method)
+    assert len(found.episodes) == found.frame.episodes.sum()
+    assert "Reduced protocol" in found.notes[0]
+    assert sorted(found.methods("door")) == ["kodex", "nn"]
+
+    _, validation = suite.demos("door")
+    states = validation.states
+    predicted = {
+        seed: found.methods("door", seed=seed)["nn"].rollout(states[:, 0], 5)
+        for seed in (None, 2, 3)
+    }
+    assert predicted[None].shape[:2] == (2, 6)
+    np.testing.assert_array_equal(predicted[None], predicted[2])
+    assert not np.array_equal(predicted[2], predicted[3])
+    assert isinstance(found.methods("door", seed=3, size="single")["kodex"], MotionMethod)
+
+    for call, answer in (
+        (lambda: found.methods("tool"), "unknown task of these results 'tool': choose from door"),
+        (lambda: found.methods("door")["lstm"], "unknown method of these results 'lstm'"),
+        (lambda: found.methods("door", seed=9)["nn"], r"seed of nn .* 9: choose from 2, 3"),
+        (lambda: found.methods("door", size="huge")["nn"], "size of nn in these results 'huge'"),
+    ):
+        with pytest.raises(InputError, match=answer):
+            call()
+
+
+def test_a_fit_of_another_version_is_not_loaded(door, bench, tmp_path, monkeypatch):
+    bench("run", "smoke", "--jobs", "1", "--episodes", "2", "--out", str(tmp_path))
+    monkeypatch.setattr("methods.kodex.Kodex.version", 99)
+    with pytest.raises(InputError, match="fitted by another version of kodex"):
+        suite.open(tmp_path).methods("door")["kodex"]
+
+
+def test_packed_results_have_tables_and_no_fits(door, bench, tmp_path):
+    mine, small = tmp_path / "mine", tmp_path / "small"
+    bench(*RUN, "--out", str(mine))
+    bench("pack", str(mine), "--out", str(small))
+    pd.testing.assert_frame_equal(suite.load(small), suite.load(mine))
+    with pytest.raises(InputError, match=r"packed results, without fits: open .*`bench run`"):
+        suite.open(small).methods("door")
+
+
+def test_the_shipped_results_are_opened_without_a_folder(task):
+    found = suite.open()
+    assert set(found.frame.task) == {"tool", "door", "relocation", "reorientation"}
+    assert len(found.episodes) == found.frame.episodes.sum()
+
+
+@pytest.mark.parametrize("opener", [suite.open, suite.load])
+def test_a_folder_without_results_is_named(task, tmp_path, opener):
+    with pytest.raises(InputError, match=f"{tmp_path / 'nothing'} does not exist"):
+        opener(tmp_path / "nothing")
+    with pytest.raises(InputError, match="holds no results"):
+        opener(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """A package that brings the three views, which return what they were called with."""
+    module = ModuleType("looks")
+    module.failures = lambda folder, task, method, split, seed: (task, method, split, seed)
+    module.motions = lambda folder, task, method, start, seed: (task, method, start, seed)
+    module.draw_motion = lambda frame, joints: (*frame, joints)
+    monkeypatch.setitem(sys.modules, "looks", module)
+    names = ("failures", "motions", "draw_motion")
+    points = [EntryPoint(name, f"looks:{name}", views.ENTRY_POINTS) for name in names]
+    monkeypatch.setattr(views, "entry_points_of", lambda group: points)
+    return points
+
+
+def test_single_episodes_are_looked_at_by_the_views_of_packages(task, looks):
+    found = suite.open()
+    assert found.failures("door", "kodex") == ("door", "kodex", "test", None)
+    assert found.failures("door", "nn", "ood", seed=2) == ("door", "nn", "ood", 2)
+    drawn = found.plot_motion("door", "kodex", start=17, joints=["ARRx", "WRJ1"])
+    assert drawn == ("door", "kodex", 17, None, ["ARRx", "WRJ1"])
+
+
+def test_the_suites_own_views_show_failures_and_motions(door, bench, tmp_path):
+    pytest.importorskip("reports.motions")
+    bench("run", "smoke", "--jobs", "1", "--episodes", "4", "--out", str(tmp_path))
+    found = suite.open(tmp_path)
+    assert found.failures("door", "kodex").start.tolist() == [0, 3]
+    figure = found.plot_motion("door", "kodex", start=1, joints=["ARRx", "WRJ1"])
+    assert [axes.get_ylabel() for axes in figure.axes] == ["ARRx [rad]", "WRJ1 [rad]"]
+
+
+@pytest.mark.parametrize(
+    ("harm", "answer"),
+    [
+        ("missing", "no installed package brings the view 'failures'"),
+        ("twice", "bring the same view 'failures'"),
+        ("broken", r"view 'failures' of .* cannot be imported: ModuleNotFoundError"),
+    ],
+)
+def test_a_view_that_cannot_be_used_is_named(task, looks, harm, answer):
+    if harm == "twice":
+        looks.append(looks[0])
+    else:
+        looks.pop(0)
+    if harm == "broken":
+        looks.append(EntryPoint("failures", "nowhere:failures", views.ENTRY_POINTS))
+    with pytest.raises(InputError, match=answer):
+        suite.open().failures("door", "kodex")
+
+
+def test_demonstrations_are_those_of_the_cache_or_of_a_file(door, tmp_path):
+    made = load_demos(door)
+    training, validation = suite.demos("door")
+    np.testing.assert_array_equal(training.states, made.states[:6])
+    np.testing.assert_array_equal(validation.actions, made.actions[6:])
+    save_demos(made[:5], tmp_path / "mine.safetensors")
+    assert [*map(len, suite.demos("door", tmp_path / "mine.safetensors"))] == [3, 2]
+    with pytest.raises(InputError, match="did you mean 'door'"):
+        suite.demos("doors")
+
+
+def test_a_run_takes_the_options_of_the_command_line(door, tmp_path):
+    save_demos(load_demos(door)[:5], tmp_path / "mine.safetensors")
+    outcome = suite.run(
+        "smoke",
+        tmp_path / "results",
+        jobs=1,
+        backend="sequential",
+        experiments=["success"],
+        methods=["nn"],
+        tasks="door",
+        seeds=[2],
+        episodes=2,
+        demos=tmp_path / "mine.safetensors",
+        settings={"nn.epochs": 1, "nn.hidden": (8,)},
+    )
+    assert outcome.failed == ()
+    (row,) = suite.open(tmp_path / "results").frame.query("method == 'nn'").to_dict("records")
+    assert (row["seed"], row["demos"], row["episodes"]) == (2, 3, 2)
+    assert row["config"]["hidden"] == [8]
+
+
+def test_options_mean_the_same_as_texts_and_as_values(task):
+    as_texts = study_of(
+        "quick", tasks="tool,door", seeds="3", episodes=10_000, settings=["nn.epochs=5"]
+    )
+    as_values = study_of(
+        get_preset("quick"),
+        tasks=["tool", "door"],
+        seeds=3,
+        episodes=1e4,
+        settings={"nn.epochs": 5},
+    )
+    assert as_texts == as_values
+    assert as_texts.seeds == (1, 2, 3)
+    assert study_of("quick", seeds=[7]).seeds == (7,)
+    assert study_of("quick", seeds=range(1, 3), methods=None).seeds == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "answer"),
+    [
+        ({"method": ["nn"]}, "unknown option of a study 'method': .* did you mean 'methods'"),
+        ({"methods": ["mm"]}, "unknown method 'mm'"),
+        ({"methods": ["expert"]}, "the expert is evaluated in every run"),
+        ({"episodes": 0}, "episodes must be a whole number from 1"),
+        ({"seeds": []}, "takes a number of seeds"),
+        ({"settings": {"epochs": 5}}, r"takes METHOD.FIELD=VALUE, .* got 'epochs'"),
+        ({"demos": "nothing"}, "nothing does not exist"),
+        ({"demos": []}, "demonstrations of no task, not of door"),
+    ],
+)
+def test_an_option_that_cannot_be_used_is_refused(task, options, answer):
+    with pytest.raises(InputError, match=answer):
+        study_of("smoke", **options)

@@ -1,0 +1,63 @@
+"""What the pages on Python and on demonstrations of one's own show, run from top to bottom."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from bench.store import Store
+
+DOCS = Path(__file__).parents[1] / "docs"
+BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n\n)?```(python|sh)\n(.*?)```", re.DOTALL)
+
+
+@pytest.fixture
+def run_page(bench, smoke, tmp_path, monkeypatch):
+    """Runs the blocks of a page, in one folder and one name space, which is returned."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BENCH_JOBS", "1")
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr("bench.recording.apart", lambda job, *arguments: job(*arguments))
+
+    def run(name):
+        names = {}
+        for file, language, code in BLOCK.findall((DOCS / name).read_text()):
+            if file:
+                Path(file).write_text(code)
+            elif language == "python":
+                exec(compile(code, name, "exec"), names)
+            else:
+                for line in code.splitlines():
+                    code, _, error = bench(*shlex.split(line)[1:])
+                    assert code == 0, (line, error)
+        return names
+
+    return run
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_page_on_python_runs(task, run_page, monkeypatch):
+    views = {
+        "failures": lambda *place, split, seed: pd.DataFrame({"start": [0, 3]}),
+        "motions": lambda *place, seed: pd.DataFrame(),
+        "draw_motion": lambda frame, joints: Figure(),
+    }
+    monkeypatch.setattr("bench.opened.view", views.get)
+    names = run_page("python.md")
+    assert set(names["results"].frame.method) == {"expert", "kodex", "nn"}
+    assert names["error"] >= 0
+    assert names["found"].drift == 0
+    assert Path("kodex-17.png").exists()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_page_on_own_demonstrations_goes_from_nothing_to_a_row(task, run_page):
+    run_page("own_demos.md")
+    frame = Store(Path("results/mine")).frame()
+    assert set(frame.method) == {"expert", "kodex"}
+    assert "the demonstrations of nearest.safetensors" in Store(Path("results/mine")).notes()[0]
+    assert "kodex" in Path("results/mine/report/tables/unseen.csv").read_text()
