@@ -20,8 +20,8 @@ EPOCHS = 3
 
 _PLACES = 0.3
 """Largest coordinate of an object [m]."""
-_STIFFNESS, _DAMPING, _GAIN = 36.0, 12.0, 0.2
-"""Of joints that move to their goals within a second [1/s^2, 1/s], and of their actions [s]."""
+_STIFFNESS, _DAMPING = 36.0, 12.0
+"""Of joints that move to their goals within a second [1/s^2, 1/s]."""
 
 
 def toy(first: int, count: int, layout: Layout = LAYOUT, horizon: int = HORIZON) -> Demos:
@@ -44,10 +44,10 @@ def toy(first: int, count: int, layout: Layout = LAYOUT, horizon: int = HORIZON)
         velocities.append(v)
         v = v + CONTROL_STEP * (_STIFFNESS * (goal - q) - _DAMPING * v)
         q = q + CONTROL_STEP * v
-    moving = np.stack(velocities, axis=1)
-    actions = np.clip(_GAIN * moving[:, 1:, : layout.action_dim], -1, 1)
+    x = np.stack(states, axis=1)
+    actions = np.clip(x[:, 1:, : layout.action_dim], -1, 1)  # set-points: where the joints go next
     starts = Starts("toy", "demo", first + np.arange(count), place)
-    return Demos(starts, np.stack(states, axis=1), moving, actions)
+    return Demos(starts, x, np.stack(velocities, axis=1), actions)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def toy_fits(
     """
     values = toy_config(method, epochs)
     with guarded("check", stream) as changed:
-        found = fitted(method, values, LAYOUT, toy(0, 10), toy(1, 4), seeds)
+        found = fitted(method, values, LAYOUT, toy(0, 12), toy(1, 4), seeds)
         learnt = [stored(one, values, LAYOUT) for one in found]
     return [ToyFit(*parts, tuple(changed)) for parts in zip(found, learnt, strict=True)]
 

@@ -220,7 +220,7 @@ class Counts(Motions):
 
     def spoil(self, motion):
         self.asked += 1
-        motion[:, 1:] += self.asked
+        motion[:, 1:] += 1e-3 * self.asked
         return motion
 
 
@@ -240,6 +240,7 @@ class SizeWithASlash(Kodex):
 
 class Raises(Kodex):
     def rollout(self, start, steps):
+        super().rollout(start, steps)
         raise ZeroDivisionError("no motion today")
 
 
@@ -319,7 +320,7 @@ class NeverTheSame(Nondeterministic):
         (NotANumber, "finite", 0),
         (NotANumberInOneMotion, "finite", 0),
         (NotANumberLate, "finite", 0),
-        (NotANumberAnywhere, "finite", 8),
+        (NotANumberAnywhere, "finite", 9),
         (RaisesInFit, "fits", 13),
         (Raises, "answers", 12),
         (RaisesForOne, "batch_invariance", 0),
