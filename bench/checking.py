@@ -1,20 +1,25 @@
 """Check a method as a run meets it: in processes of their own, and stored between two of them."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from bench.admission import describe_guest
-from bench.isolation import apart
+from bench.isolation import apart, printed
 from methods.base import Method
-from methods.checks import Verdict, answer, check, learnt_toy, loaded_toy
+from methods.checks import NEEDED, Verdict, check, first_answer
 from methods.description import stand_in
 from methods.registry import SUITE, get_method, method_names, unknown_method
+from methods.toy import answer, loaded_toy
 from tasks.data import FloatArray
 from tasks.errors import InputError
 
 ANOTHER_PROCESS = "survives_another_process"
 ASKS = "What is stored and then loaded in another process gives the same answers."
+PRINTED = 3
+"""Lines that are kept of what a method prints."""
 
 
 def known(name: str) -> type[Method]:
@@ -38,40 +43,57 @@ def _stand_in(name: str) -> type[Method]:
         raise InputError(f"method {name!r} cannot be used: {error}") from error
 
 
-def check_apart(name: str) -> list[Verdict]:
-    """Returns the verdict of each rule on a method, see `methods.checks`.
+@dataclass(frozen=True)
+class Checked:
+    """What came of a check."""
+
+    verdicts: tuple[Verdict, ...]
+    printed: tuple[str, ...] = ()
+    """The first lines that the method has printed."""
+    lines: int = 0
+    """How many it has printed."""
+
+
+def check_apart(name: str) -> Checked:
+    """Returns the verdict of each rule on a method, see `methods.checks`, and what it printed.
 
     Raises:
         InputError: there is no such method, or it cannot be used.
     """
     known(name)
     try:
-        found: list[Verdict] = apart(_rules, name)
+        found, stored = apart(_tried, name)
     except InputError as error:
-        return [Verdict("ends", False, str(error), 0.0)]
-    if not all(verdict.tried for verdict in found):
-        return [*found, Verdict(ANOTHER_PROCESS, False, "", 0.0, tried=False)]
-    message = _changed_by_another_process(name)
-    return [*found, Verdict(ANOTHER_PROCESS, not message, message, 0.0)]
+        return Checked((Verdict("ends", False, str(error), 0.0),))
+    return replace(found, verdicts=(*found.verdicts, _elsewhere(name, found.verdicts, stored)))
 
 
-def _changed_by_another_process(name: str) -> str:
+def _elsewhere(
+    name: str, verdicts: Sequence[Verdict], stored: tuple[bytes, FloatArray] | None
+) -> Verdict:
+    """Whether a method answers in another process as it has answered in its own."""
+    broken = {verdict.rule: verdict for verdict in verdicts if not verdict.passed}
+    needed = [broken[rule] for rule in (*NEEDED, "same_start_same_answer") if rule in broken]
+    if stored is None or needed:
+        root = next(verdict for verdict in (*needed, *broken.values()) if verdict.tried)
+        return Verdict(ANOTHER_PROCESS, False, f"needs {root.rule}", 0.0, tried=False)
+    parameters, given = stored
     try:
-        parameters, given = apart(_learnt, name)
         again = apart(_answer, name, parameters)
     except InputError as error:
-        return str(error)
+        return Verdict(ANOTHER_PROCESS, False, str(error), 0.0)
     same = np.array_equal(again, given, equal_nan=True)
-    return "" if same else "it answers differently once loaded in another process"
+    message = "" if same else "it answers differently once loaded in another process"
+    return Verdict(ANOTHER_PROCESS, same, message, 0.0)
 
 
-def _rules(name: str) -> list[Verdict]:
-    return list(check(get_method(name)))
-
-
-def _learnt(name: str) -> tuple[bytes, FloatArray]:
-    (learnt,) = learnt_toy(get_method(name))
-    return learnt.parameters, answer(learnt.method)
+def _tried(name: str) -> tuple[Checked, tuple[bytes, FloatArray] | None]:
+    """The verdicts in this process, and what is stored of a fit, with its answer, if there is."""
+    method = get_method(name)
+    verdicts = tuple(check(method))
+    sound = {verdict.rule for verdict in verdicts if verdict.passed}
+    stored = first_answer(method) if {*NEEDED} <= sound else None
+    return Checked(verdicts, *printed(PRINTED)), stored
 
 
 def _answer(name: str, parameters: bytes) -> FloatArray:

@@ -3,14 +3,18 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import fill
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bench.options import SOME_FAILED, AsJson
 from tasks.files import whole_folder
 from tasks.registry import TASKS
+
+if TYPE_CHECKING:
+    from bench.checking import Checked
 
 
 def check(
@@ -20,28 +24,44 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check a method against each rule of the method contract. Exit code 3 if it breaks one."""
-    from bench.checking import ANOTHER_PROCESS, ASKS, check_apart
-    from methods.checks import RULES
+    from bench.checking import check_apart
 
     began = perf_counter()
-    verdicts = check_apart(method)
+    checked = check_apart(method)
     if as_json:
-        print(json.dumps([asdict(verdict) for verdict in verdicts]))
+        print(json.dumps([asdict(verdict) for verdict in checked.verdicts]))
     else:
-        asks = {name: rule.__doc__ for name, rule in RULES.items()} | {ANOTHER_PROCESS: ASKS}
-        tried = [verdict for verdict in verdicts if verdict.tried]
-        for verdict in tried:
-            mark = "ok" if verdict.passed else "BROKEN"
-            print(
-                f"{mark:7}{verdict.rule}: {verdict.message or (asks[verdict.rule] or '').strip()}"
-            )
-        if len(tried) < len(verdicts):
-            print(f"{len(verdicts) - len(tried)} rules need what is broken and were not tried")
-        kept = sum(verdict.passed for verdict in verdicts)
-        seconds = perf_counter() - began
-        print(f"{method}: {kept} of {len(verdicts)} rules hold, {seconds:.0f} s")
-    if not all(verdict.passed for verdict in verdicts):
+        _show(method, checked, perf_counter() - began)
+    if not all(verdict.passed for verdict in checked.verdicts):
         raise typer.Exit(SOME_FAILED)
+
+
+def _show(method: str, checked: "Checked", seconds: float) -> None:
+    """Prints how many rules hold, what is broken, and which could not be tried for it."""
+    from bench.checking import ANOTHER_PROCESS, ASKS
+    from methods.checks import RULES
+
+    asks = {name: rule.__doc__ for name, rule in RULES.items()} | {ANOTHER_PROCESS: ASKS}
+    sound = [verdict.rule for verdict in checked.verdicts if verdict.passed]
+    broken = [verdict for verdict in checked.verdicts if verdict.tried and not verdict.passed]
+    untried = [verdict.message for verdict in checked.verdicts if not verdict.tried]
+    print(f"{method}: {len(sound)} of {len(checked.verdicts)} rules hold, {seconds:.0f} s")
+    for verdict in broken:
+        print(f"BROKEN {verdict.rule}: {verdict.message}")
+        if asks.get(verdict.rule):
+            print(f"       the rule: {(asks[verdict.rule] or '').strip()}")
+    for reason in dict.fromkeys(untried):
+        print(f"       not tried: {_counted(untried.count(reason), 'rule')} ({reason})")
+    if sound:
+        print(fill(f"ok     {', '.join(sound)}", width=99, subsequent_indent=" " * 7))
+    if checked.lines:
+        print(f"It printed {_counted(checked.lines, 'line')}, which begin:")
+        for line in checked.printed:
+            print(f"       | {line}")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def new_method(

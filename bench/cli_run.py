@@ -111,6 +111,8 @@ def run(
     from bench.backend import Workers
     from bench.driver import count_jobs
     from bench.driver import run as run_study
+    from bench.remarks import remarks
+    from bench.store import Store
 
     study = study_of(
         preset,
@@ -139,6 +141,8 @@ def run(
     except KeyboardInterrupt:
         print("stopped; rerun the same command to resume", file=sys.stderr)
         raise
+    for remark in remarks(Store(out)):
+        print(f"note: {remark}", file=sys.stderr)
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
     print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")

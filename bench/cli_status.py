@@ -14,16 +14,19 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Show how much of a study is done, during a run or after it, and what failed."""
+    from bench.remarks import remarks
     from bench.store import Store
 
     store = Store(results_folder(folder))
     counts = store.progress()
     failures = store.failures()
     if as_json:
-        print(json.dumps(counts | {"failures": failures}))
+        print(json.dumps(counts | {"failures": failures, "notes": remarks(store)}))
         return
     print("fits:        {fits_done} of {fits} done".format(**counts))
     print("evaluations: {evaluations_done} of {evaluations} done".format(**counts))
+    for remark in remarks(store):
+        print(f"note: {remark}")
     for failure in failures:
         print("failed ({tries} tries): {label}: {reason}".format(**failure))
 

@@ -28,7 +28,7 @@ from typing import Any
 
 import psutil
 
-from tasks.errors import InputError, described
+from tasks.errors import InputError, described, reason_of
 
 PRELOADED = ["bench.cli", "bench.driver", "methods.guard", "methods.network", "pandas"]
 SHOWN = 4000
@@ -39,6 +39,9 @@ PATIENCE = 600.0
 
 _FOLDER = "bench-job-"
 """Begins the name of a job's folder, before the number of its worker's process."""
+_PRINTED = "printed"
+"""Name of the file in a job's folder that holds what the job prints."""
+_COUNTED = 2**24
 _LONGEST_FOLDER = 60
 _SET_CHILD_SUBREAPER = 36
 """Of Linux's prctl."""
@@ -80,7 +83,7 @@ def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
     except Stop:
         raise
     except BaseException as error:
-        return Failure(described(error), _printable(_traceback(error)))
+        return Failure(reason_of(error), _printable(_traceback(error)))
 
 
 def _traceback(error: BaseException) -> str:
@@ -192,7 +195,7 @@ def _child(there: Connection, place: str, name: str, call: bytes) -> None:
     os.setsid()
     me = os.getpid()
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
-    output = os.open(f"{place}/printed", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    output = os.open(f"{place}/{_PRINTED}", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for source, target in ((os.open(os.devnull, os.O_RDONLY), 0), (output, 1), (output, 2)):
         os.dup2(source, target)
     for number in (signal.SIGINT, signal.SIGHUP):
@@ -209,9 +212,26 @@ def _child(there: Connection, place: str, name: str, call: bytes) -> None:
     there.close()
 
 
+def printed(lines: int) -> tuple[tuple[str, ...], int]:
+    """Returns the first lines that this job has printed so far, and how many there are in all.
+
+    Those in the first `_COUNTED` bytes are counted. Only for a process of a job, whose output is a
+    file.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):
+            stream.flush()
+    ctypes.CDLL(None).fflush(None)  # what libraries in C have printed
+    said: list[bytes] = []
+    with suppress(OSError), Path(tempfile.gettempdir(), _PRINTED).open("rb") as file:
+        said = file.read(_COUNTED).splitlines()
+    first = (line[:SHOWN].decode(errors="backslashreplace").rstrip() for line in said[:lines])
+    return tuple(map(_printable, first)), len(said)
+
+
 def _printed(place: str) -> str:
     """The end of what a job has printed."""
-    with suppress(OSError), Path(place, "printed").open("rb") as file:
+    with suppress(OSError), Path(place, _PRINTED).open("rb") as file:
         file.seek(max(0, file.seek(0, os.SEEK_END) - 4 * SHOWN))
         said = _printable(file.read(4 * SHOWN).decode(errors="backslashreplace"))
         return f"\nIt printed:\n{said}" if said.strip("\0") else ""

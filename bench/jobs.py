@@ -5,16 +5,18 @@ for each thing that it was to make. What it returns of a method is bytes, see `m
 """
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bench.controller import Controller, train_controller
+from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit
 from methods.base import ActionMethod, Method, MotionMethod, fits_together
-from methods.contract import Learnt, learn, loaded, motion
+from methods.contract import ContractError, Learnt, learn, loaded, motion
 from methods.guard import guarded
 from methods.registry import get_method
 from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
@@ -62,7 +64,8 @@ def fit_job(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fitted
     method, layout = get_method(first.method, first.variant), get_task(first.task).layout
     # A global random stream must not depend on which seeds are beside.
     alone = () if fits_together(method) else (first.seed,)
-    with guarded(first.task, first.method, first.variant, first.size, first.demos, *alone):
+    stream = (first.task, first.method, first.variant, first.size, first.demos, *alone)
+    with guarded(*stream), _naming(fits):
         began = time.process_time()
         learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
         seconds = (time.process_time() - began) / len(fits)
@@ -96,10 +99,29 @@ def evaluation_job(
     parts = []
     for first in range(0, len(piece.starts), CHUNK):
         starts = piece.starts[first : first + CHUNK]
-        with guarded(piece.label, piece.keep + first):
+        row = piece.keep + first
+        with guarded(piece.label, row), _naming([piece.cell.fit]):
             policy = make_policy(piece.cell.fit, parameters, controller)
-            parts.append(rollout(task, starts, policy, evaluation.physics, threads=threads))
+            episodes = rollout(task, starts, policy, evaluation.physics, threads=threads)
+            if isinstance(policy, TrackedMotion | FeedbackPolicy):
+                episodes = replace(episodes, non_finite=policy.non_finite(row))
+            parts.append(episodes)
     return [join_episodes(parts)]
+
+
+@contextmanager
+def _naming(fits: Sequence[Fit]) -> Iterator[None]:
+    """Says in the error of a method that breaks its contract which it is, on what, of which seed.
+
+    Raises:
+        ContractError: in place of one that says less.
+    """
+    try:
+        yield
+    except ContractError as error:
+        first, seeds = fits[0], [fit.seed for fit in fits]
+        who = who_answers(first.method, first.variant, first.task, seeds)
+        raise ContractError(f"{who}: {error}") from error
 
 
 def make_policy(fit: Fit, parameters: bytes, controller: bytes) -> Policy:

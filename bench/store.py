@@ -24,7 +24,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -35,6 +35,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
+from tasks.data import NonFinite
 from tasks.errors import InputError
 from tasks.files import flush, from_bytes, sync, writable_folder
 
@@ -177,12 +178,18 @@ class Store:
         path = self._evaluation(fit, evaluation)
         if self._others(fit, evaluation):
             self._set_aside(path, "it is of another version of the task or of the controller")
-        table = _episodes_table(episodes)
+        table, non_finite = _episodes_table(episodes), list(episodes.non_finite)
         if keep:
-            kept = _read_table(path, fit.key).slice(0, keep).cast(table.schema)
+            before = _read_table(path, fit.key)
+            non_finite = [
+                one for one in _non_finite(_labels(before)) if one.row < keep
+            ] + non_finite
+            kept = before.slice(0, keep).cast(table.schema)
             table = pa.concat_tables([kept, table]).combine_chunks()
         labels = {name: str(value) for name, value in asdict(evaluation).items()}
         labels |= {"format": str(FORMAT), "fit": fit.key, "key": evaluation.key(fit)}
+        if non_finite:
+            labels["non_finite"] = json.dumps([asdict(one) for one in non_finite])
         self.write(path, _sealed(table.replace_schema_metadata(labels | {"seal": _UNSEALED})))
 
     def _others(self, fit: Fit, evaluation: Evaluation) -> dict[str, str] | None:
@@ -290,6 +297,21 @@ class Store:
             "evaluations": len(done),
             "evaluations_done": sum(done),
         }
+
+    def non_finite(self) -> Iterator[tuple[dict[str, Any], int, list[NonFinite]]]:
+        """Yields the evaluations that were asked for in which a method's answers were not finite.
+
+        Each with the fields of its fit, its number of episodes, and what was not finite.
+        """
+        for label, entry in sorted(self.study().items()):
+            folder = self.cells / folder_name(label, entry["key"])
+            for name in sorted(entry["evaluations"]):
+                with suppress(DamagedError), _reading():
+                    found = pq.read_metadata(folder / f"{name}.parquet")
+                    chunks = _non_finite({k.decode(): v for k, v in found.metadata.items()})
+                    record = self._record(folder, entry["key"]) if chunks else None
+                    if record:
+                        yield record["spec"], found.num_rows, chunks
 
     def frame(self) -> pd.DataFrame:
         """Returns one row for each evaluation that was asked for and is there.
@@ -573,6 +595,14 @@ def _differences(spec: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]
         for name in ("demos", "config")
         if spec.get(name) != asked[name]
     ]
+
+
+def _non_finite(labels: Mapping[str, Any]) -> list[NonFinite]:
+    """What the labels of an evaluation say that was not finite."""
+    rows = [NonFinite(**row) for row in json.loads(labels.get("non_finite", "[]"))]
+    numbers = [number for one in rows for number in (one.row, one.starts, one.first)]
+    _check(all(type(number) is int for number in numbers), "what was not finite")
+    return rows
 
 
 def _labels(table: pa.Table) -> dict[str, str]:

@@ -6,23 +6,39 @@ arrays of float64. Nothing that a method has made goes further than this file.
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from types import NoneType
 from typing import Any
 
 import numpy as np
 
-from methods.base import ActionMethod, Method, MotionMethod
+from methods.base import ActionMethod, Method, MotionMethod, NotFittedError
 from tasks.data import Demos, FloatArray, Layout
+from tasks.errors import InputError, described
 from tasks.files import from_bytes, to_bytes
 
 MAX_BYTES = 2**30
 """Of the parameters of a fit, and of its diagnostics."""
 
 
-class ContractError(RuntimeError):
+class ContractError(InputError):
     """A method did something that its contract does not allow; the message says what."""
+
+
+@contextmanager
+def _calling(function: str, when: str = "") -> Iterator[None]:
+    """Names the function of a method that raises, with the line that did.
+
+    What says that nothing is fitted yet, and what asks the whole process to stop, passes.
+    """
+    try:
+        yield
+    except (ContractError, NotFittedError):
+        raise
+    except (Exception, SystemExit) as error:
+        raise ContractError(f"{function} raised {described(error)}{when}") from error
 
 
 def resolved(config: Any) -> dict[str, Any]:
@@ -106,21 +122,36 @@ def learn(
         seeds: each has its fit.
 
     Raises:
-        ContractError: the method writes to demonstrations, or returns what cannot be stored.
+        ContractError: the method raises, writes to demonstrations, or returns what cannot be
+            stored.
     """
+    found = fitted(method, values, layout, demos, validation, seeds)
+    return [stored(one, values, layout) for one in found]
+
+
+def fitted(
+    method: type[Method],
+    values: Mapping[str, Any],
+    layout: Layout,
+    demos: Demos,
+    validation: Demos,
+    seeds: Sequence[int],
+) -> list[Method]:
+    """Returns the objects that `fit_seeds` returns, see `learn`."""
     given = _copied(demos), _copied(validation)
     config = build(method, values, layout).config
-    fitted = method.fit_seeds(config, layout, *given, list(seeds))
+    with _calling("fit"):
+        found = method.fit_seeds(config, layout, *given, list(seeds))
+        kinds = [type(one).__name__ for one in found]
     if _arrays(given[0]) != _arrays(demos) or _arrays(given[1]) != _arrays(validation):
         raise ContractError("fit wrote to the demonstrations that it was given")
-    kinds = [type(one).__name__ for one in fitted]
-    of_its_kind = all(isinstance(one, method) for one in fitted)
-    if not of_its_kind or not len({*map(id, fitted)}) == len(fitted) == len(seeds):
+    of_its_kind = all(isinstance(one, method) for one in found)
+    if not of_its_kind or not len({*map(id, found)}) == len(found) == len(seeds):
         raise ContractError(
             f"fit_seeds must return {len(seeds)} of {method.__name__}, an object for each seed, got"
             f" {kinds}"
         )
-    return [_learnt(one, values, layout) for one in fitted]
+    return list(found)
 
 
 def _copied(demos: Demos) -> Demos:
@@ -132,20 +163,28 @@ def _arrays(demos: Demos) -> list[bytes]:
     return [array.tobytes() for array in arrays]
 
 
-def _learnt(fitted: Method, values: Mapping[str, Any], layout: Layout) -> Learnt:
-    parameters = _stored(fitted.parameters(), "parameters")
+def stored(fit: Method, values: Mapping[str, Any], layout: Layout) -> Learnt:
+    """Returns what a fitted method has learnt, see `learn`."""
+    with _calling("parameters"):
+        parameters = _stored(fit.parameters(), "parameters")
     if not from_bytes(parameters):
         raise ContractError("parameters() is empty: there is nothing that load could take")
-    diagnostics = _stored(fitted.diagnostics(), "diagnostics")
-    return Learnt(parameters, diagnostics, loaded(type(fitted), values, layout, parameters))
+    with _calling("diagnostics"):
+        diagnostics = _stored(fit.diagnostics(), "diagnostics")
+    return Learnt(parameters, diagnostics, loaded(type(fit), values, layout, parameters))
 
 
 def loaded(
     method: type[Method], values: Mapping[str, Any], layout: Layout, parameters: bytes
 ) -> Method:
-    """Returns a method with parameters that `learn` gave."""
+    """Returns a method with parameters that `learn` gave.
+
+    Raises:
+        ContractError: the method raises.
+    """
     again = build(method, values, layout)
-    again.load(from_bytes(parameters))
+    with _calling("load"):
+        again.load(from_bytes(parameters))
     return again
 
 
@@ -173,35 +212,53 @@ def _stored(arrays: Any, what: str) -> bytes:
 def motion(method: MotionMethod, start: FloatArray, steps: int) -> FloatArray:
     """Returns the motion that a method predicts, (B, steps + 1, D) or (B, steps + 1, H).
 
+    Numbers that are not finite are returned as they are.
+
     Args:
         method: what predicts.
         start: x(1), (B, D).
         steps: states after the start.
 
     Raises:
-        ContractError: the answer is not a NumPy array of floats of such a shape.
+        ContractError: the method raises, or the answer is not a NumPy array of floats of such a
+            shape.
     """
     layout = method.layout
     shapes = [(len(start), steps + 1, dim) for dim in (layout.state_dim, layout.robot_dim)]
-    return _floats(method.rollout(start.copy(), steps), "rollout", shapes)
+    with _calling("rollout"):
+        return _floats(method.rollout(start.copy(), steps), "rollout", shapes)
+
+
+def begin(method: ActionMethod, starts: FloatArray) -> None:
+    """Tells a method that episodes begin at the states (B, D).
+
+    Raises:
+        ContractError: the method raises.
+    """
+    with _calling("reset"):
+        method.reset(starts.copy())
 
 
 def actions(method: ActionMethod, state: FloatArray, t: int) -> FloatArray:
     """Returns the actions (B, A) of a method for the states (B, D) after t control steps.
 
+    Numbers that are not finite are returned as they are.
+
     Raises:
-        ContractError: the answer is not a NumPy array of floats of that shape.
+        ContractError: the method raises, or the answer is not a NumPy array of floats of that
+            shape.
     """
-    shapes = [(len(state), method.layout.action_dim)]
-    return _floats(method.act(state.copy(), t), "act", shapes)
+    shapes, when = [(len(state), method.layout.action_dim)], f", at t={t}"
+    with _calling("act", when):
+        return _floats(method.act(state.copy(), t), "act", shapes, when)
 
 
-def _floats(answer: Any, of: str, shapes: Sequence[tuple[int, ...]]) -> FloatArray:
+def _floats(answer: Any, of: str, shapes: Sequence[tuple[int, ...]], when: str = "") -> FloatArray:
     if type(answer) is not np.ndarray or answer.dtype.kind != "f":
-        raise ContractError(f"{of} must return a NumPy array of floats, got {_shown(answer)}")
+        raise ContractError(f"{of} must return a NumPy array of floats, got {_shown(answer)}{when}")
     if answer.shape not in shapes:
-        wanted = " or ".join(map(str, dict.fromkeys(shapes)))
-        raise ContractError(f"{of} must return shape {wanted}, got {answer.shape}")
+        expected = " or ".join(map(str, dict.fromkeys(shapes)))
+        raise ContractError(f"{of} returned shape {answer.shape}, expected {expected}{when}")
     return np.array(answer, np.float64, order="C")
 
 

@@ -215,6 +215,20 @@ def _require(holds: BoolArray, name: str, array: FloatArray, must: str) -> None:
 
 
 @dataclass(frozen=True)
+class NonFinite:
+    """Answers of a method to a chunk of episodes that were not finite numbers."""
+
+    row: int
+    """Where the chunk begins among the episodes of its evaluation."""
+    call: str
+    """What the method was asked for: rollout or act."""
+    starts: int
+    """How many episodes they were for."""
+    first: int
+    """The earliest t of them."""
+
+
+@dataclass(frozen=True)
 class Episodes:
     """What came of a rollout, one row per start."""
 
@@ -227,6 +241,8 @@ class Episodes:
     """(B,) control steps taken before the end or the divergence."""
     readings: FloatArray
     """(B, T-1) what the rule reads after each control step; NaN from the divergence on."""
+    non_finite: tuple[NonFinite, ...] = ()
+    """What the method answered with NaN or infinite numbers: such an episode diverges."""
 
 
 def join_episodes(parts: Sequence[Episodes]) -> Episodes:
@@ -240,4 +256,5 @@ def join_episodes(parts: Sequence[Episodes]) -> Episodes:
         np.concatenate([part.diverged for part in parts]),
         np.concatenate([part.steps for part in parts]),
         np.concatenate([part.readings for part in parts]),
+        tuple(one for part in parts for one in part.non_finite),
     )

@@ -3,14 +3,19 @@
 import difflib
 import importlib
 import os
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import PurePath
+from types import FrameType
 
 LONGEST = 500
 """Characters of a described error, at most."""
 _LONGEST_PLACE = 200
 _IMPORTLIB = ("<frozen importlib", os.path.join(os.path.dirname(importlib.__file__), ""))
 """How the names of importlib's own files begin."""
+_SUITE = ("bench", "methods", "reports", "tasks")
+_LIBRARIES = {"numpy", "scipy", "torch", *sys.stdlib_module_names}
+"""What may raise for the sake of whoever has called it, by package."""
 _BACKPORT = os.path.join("", "importlib_metadata", "")
 """Part of the names of files that, where they are installed, load entry points in its place."""
 
@@ -36,10 +41,11 @@ def unknown_name(kind: str, name: object, allowed: Iterable[str]) -> InputError:
 def described(error: BaseException) -> str:
     """Returns an error in one line: type, message and place.
 
-    For example ``KeyError: 'x' (mine.py:53 in fit)``. The place is the innermost frame outside
-    importlib, unless that merely called importlib, and of a SyntaxError the line that cannot be
-    parsed. Characters that cannot be printed are escaped. The line has at most `LONGEST`
-    characters. Never raises, whatever the error's own methods do.
+    For example ``KeyError: 'x' (mine.py:53 in fit)``. The place is the innermost frame of the
+    package that the suite has called, whatever library that has called in turn. It is never in
+    importlib, and of a SyntaxError it is the line that cannot be parsed. Characters that cannot be
+    printed are escaped. The line has at most `LONGEST` characters. Never raises, whatever the
+    error's own methods do.
     """
     kind = printable(lambda: type(error).__name__, "error", 100)
     place = printable(lambda: _place(error), "", _LONGEST_PLACE)
@@ -49,9 +55,11 @@ def described(error: BaseException) -> str:
     return f"{kind}: {message}{place}" if message else f"{kind}{place}"
 
 
-def reason_of(error: Exception) -> str:
+def reason_of(error: BaseException) -> str:
     """Returns the message of an InputError, which says it all, and any other error `described`."""
-    return str(error) if isinstance(error, InputError) else described(error)
+    if isinstance(error, InputError):
+        return printable(lambda: str(error), "its message cannot be shown", 4 * LONGEST)
+    return described(error)
 
 
 def printable(text: Callable[[], str], otherwise: str, longest: int) -> str:
@@ -81,18 +89,33 @@ def _message(error: BaseException) -> str:
 def _place(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         return f"{_file(error.filename)}:{error.lineno}"
-    found = ""
+    frames: list[tuple[str, str]] = []
     first = trace = error.__traceback__
     while first and trace:
         code = trace.tb_frame.f_code
         of_importlib = code.co_filename.startswith(_IMPORTLIB) or _BACKPORT in code.co_filename
         if not of_importlib:
             function = "" if code.co_name == "<module>" else f" in {code.co_name}"
-            found = f"{_file(code.co_filename)}:{trace.tb_lineno}{function}"
+            place = f"{_file(code.co_filename)}:{trace.tb_lineno}{function}"
+            frames.append((_package(trace.tb_frame), place))
         elif trace is first.tb_next:
-            found = ""
+            frames.clear()
         trace = trace.tb_next
-    return found
+    return _culprit(frames)
+
+
+def _culprit(frames: list[tuple[str, str]]) -> str:
+    """The place of the last frame of what the suite called last; frames are packages and places."""
+    own = [i for i, (package, _) in enumerate(frames) if package in _SUITE]
+    inner = frames[own[-1] + 1 if own else 0 :]
+    callers = [package for package, _ in inner if package not in _LIBRARIES]
+    if not callers:
+        return frames[own[-1]][1] if own else frames[-1][1] if frames else ""
+    return [place for package, place in inner if package == callers[0]][-1]
+
+
+def _package(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
 
 
 def _file(path: str) -> str:

@@ -1,10 +1,12 @@
 """A method of one's own, from `bench new-method` to the report, in a package that pip installs."""
 
 import importlib
+import json
 import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pandas as pd
@@ -91,10 +93,72 @@ def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkey
     assert bench("new-method", "mine", "--folder", str(tmp_path / "new"))[0] == 0
 
 
-def test_check_names_the_rules_and_says_what_they_ask(bench):
+def test_check_says_how_many_rules_hold_and_which(bench):
     code, said, _ = bench("check", "kodex")
     assert code == 0
-    assert "ok     begins_at_the_start: The first row of a motion is its start." in said
+    assert said.startswith("kodex: 17 of 17 rules hold, ")
+    assert "ok     described, unfitted_raises, fits, answers, finite, begins_at_the_start" in said
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Installs a package of one method, an altered KODex, from the text of its class."""
+    site = tmp_path / "site"
+    monkeypatch.syspath_prepend(str(site))
+    registry.get_method.cache_clear()
+
+    def install(body):
+        info = site / "altered-0.1.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: altered\nVersion: 0.1\n")
+        (info / "entry_points.txt").write_text("[bench.methods]\naltered = altered:Altered\n")
+        (site / "altered.py").write_text(ALTERED + textwrap.indent(body, "    "))
+        importlib.invalidate_caches()
+
+    yield install
+    registry.get_method.cache_clear()
+
+
+ALTERED = """
+import ctypes
+import os
+from dataclasses import replace
+from methods.kodex import Kodex
+
+print("imported")
+
+
+class Altered(Kodex):
+    name = "altered"
+    sizes = {"single": replace(Kodex.sizes["single"], observables=1)}
+    variants = {"described": {}}
+"""
+
+
+def test_check_names_what_is_broken_once_with_its_line(bench, package):
+    package("def fit(self, demos, validation, seed):\n    {}['learning_rate']\n")
+    code, said, _ = bench("check", "altered")
+    assert code == 3
+    assert said.count("BROKEN") == 1
+    assert "BROKEN fits: fit raised KeyError: 'learning_rate' (altered.py:" in said
+    assert "not tried: 14 rules (needs fits)" in said
+    code, said, _ = bench("check", "altered", "--json")
+    assert [one["rule"] for one in json.loads(said) if one["tried"]] == [
+        *("described", "unfitted_raises", "fits")
+    ]
+
+
+def test_what_a_method_prints_is_counted_and_begins_to_be_shown(bench, package):
+    package(
+        "def rollout(self, start, steps):\n"
+        "    ctypes.CDLL(None).puts(b'told by C')\n"
+        "    print('one\\n' * 100)\n"
+        "    return super().rollout(start, steps)\n"
+    )
+    code, said, error = bench("check", "altered")
+    assert (code, error) == (0, "")
+    assert re.search(r"It printed [\d,]{4,} lines, which begin:\n       \| imported\n", said)
+    assert said.count("one\n") <= 3
 
 
 def test_an_unknown_method_is_refused(bench):

@@ -18,14 +18,16 @@ from bench.spec import Cell, Evaluation, Fit
 from bench.store import Store, _digest
 from bench.studies import Options, study_of
 from methods.base import shortened
-from methods.checks import LAYOUT, toy
 from methods.registry import get_method, method_names
+from methods.toy import toy
 from methods.training import TrainingError
-from tasks.data import Episodes, Starts
+from tasks.data import Episodes, Layout, Starts
 from tasks.errors import InputError
 from tasks.files import from_bytes, to_bytes
 from tasks.registry import TASKS
 
+LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
+toy = partial(toy, layout=LAYOUT, horizon=15)
 STUDIES = {
     "smoke": PRESETS["smoke"],
     "audit": replace(PRESETS["paper"], tasks=("door",), seeds=(1,), episodes={"audit": 1}),

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
+from bench.controller import Controller
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from methods.contract import ContractError
+from tasks.data import NonFinite
 from tasks.registry import get_task
-from tasks.simulator import Simulator
+from tasks.simulator import Simulator, rollout
 
 DOOR = get_task("door")
 
@@ -33,3 +35,53 @@ def test_answers_of_a_method_that_are_not_real_are_refused(dtype):
         FeedbackPolicy(method).act(simulator, 0)
     with pytest.raises(ContractError, match="rollout must return a NumPy array of floats"):
         TrackedMotion(method, None).reset(simulator)
+
+
+class Spoilt(Answering):
+    """Its answers to the first two episodes are not finite from t = 3 on."""
+
+    layout = DOOR.layout
+
+    def __init__(self, value):
+        self.value = value
+
+    def act(self, state, t):
+        actions = np.zeros((len(state), DOOR.layout.action_dim))
+        actions[: 2 * (t >= 3), 0] = self.value
+        return actions
+
+    def rollout(self, start, steps):
+        motion = np.repeat(start[:, None, : DOOR.robot_dim], steps + 1, axis=1)
+        motion[:2, 3:, 0] = self.value
+        return motion
+
+
+STILL = {
+    "layer0.weight": np.zeros((DOOR.layout.action_dim, 2 * DOOR.robot_dim), np.float32),
+    "layer0.bias": np.zeros(DOOR.layout.action_dim, np.float32),
+}
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("policy_of", "call", "steps"),
+    [
+        (FeedbackPolicy, "act", 3),
+        (lambda method: TrackedMotion(method, Controller(STILL)), "rollout", 2),
+    ],
+)
+def test_an_answer_that_is_not_finite_ends_its_episode_and_is_counted(
+    value, policy_of, call, steps
+):
+    policy = policy_of(Spoilt(value))
+    episodes = rollout(DOOR, DOOR.sample("test", 4), policy, steps=6, chunk=8)
+    assert episodes.diverged.tolist() == [True, True, False, False]
+    assert episodes.steps.tolist() == [steps, steps, 6, 6]
+    assert not episodes.success.any()
+    assert policy.non_finite(500) == (NonFinite(500, call, 2, 3),)
+
+
+def test_of_finite_answers_nothing_is_noted():
+    policy = FeedbackPolicy(Spoilt(0.0))
+    rollout(DOOR, DOOR.sample("test", 2), policy, steps=4, chunk=2)
+    assert policy.non_finite(0) == ()

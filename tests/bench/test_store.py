@@ -1,13 +1,14 @@
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from bench.controller import ControllerConfig
+from bench.remarks import remarks
 from bench.spec import Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
-from tasks.data import Episodes, Starts, generator
+from tasks.data import Episodes, NonFinite, Starts, generator
 from tasks.errors import InputError
 from tasks.files import to_bytes
 
@@ -66,6 +67,22 @@ def test_more_episodes_extend_the_same_evaluation(store):
     store.add_episodes(FIT, EVALUATION, some_episodes(0, 6))
     assert path.read_bytes() == extended
     assert store.frame().loc[0, "episodes"] == 6
+
+
+def test_what_was_not_finite_is_kept_with_the_episodes_and_replaced_with_them(store):
+    assert remarks(store) == []
+    spoilt = replace(
+        some_episodes(0, 4), non_finite=(NonFinite(0, "act", 1, 30), NonFinite(2, "act", 2, 8))
+    )
+    store.add_episodes(FIT, EVALUATION, spoilt)
+    assert [one.split(";")[0] for one in remarks(store)] == [
+        "kodex on door, seed 0: act returned NaN or inf for 3 of 4 starts, first at t=8"
+    ]
+    store.add_episodes(FIT, EVALUATION, some_episodes(2, 6), keep=2)
+    ((spec, count, chunks),) = store.non_finite()
+    assert (spec["seed"], count, chunks) == (0, 6, [NonFinite(0, "act", 1, 30)])
+    store.add_episodes(FIT, EVALUATION, some_episodes(0, 4))
+    assert remarks(store) == []
 
 
 def test_the_frame_counts_what_was_asked_for(store):

@@ -3,24 +3,37 @@
 import os
 import random
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 import torch
 
 from methods.base import ActionMethod, MotionMethod, NotFittedError
-from methods.checks import RULES, check
+from methods.checks import check
 from methods.kodex import Kodex
-from methods.registry import get_method
+from methods.registry import SUITE, get_method
+from methods.toy import HORIZON, LAYOUT
+from tasks.registry import TASKS, get_task
 
-SUITE = ("kodex", "nn", "lstm", "ndp", "ngf")
+VARIANTS = [(name, variant) for name in SUITE for variant in get_method(name).variants]
 
 
-@pytest.mark.parametrize("name", SUITE)
-@pytest.mark.parametrize("rule", RULES)
-def test_the_methods_of_the_suite_keep_every_rule(name, rule):
-    RULES[rule](get_method(name))
+@pytest.mark.parametrize(("name", "variant"), VARIANTS)
+def test_every_variant_of_the_methods_of_the_suite_keeps_every_rule(name, variant):
+    """As it is at its smallest size."""
+    method = get_method(name, variant)
+    changes = method.variants.get(variant, {})
+    sizes = {size: replace(config, **changes) for size, config in method.sizes.items()}
+    own = {"__module__": method.__module__, "sizes": sizes, "variants": {"described": {}}}
+    verdicts = check(type(method.__name__, (method,), own))
+    assert [verdict for verdict in verdicts if not verdict.passed] == []
+
+
+def test_the_made_up_demonstrations_are_as_long_as_those_of_any_task():
+    tasks = [get_task(name) for name in TASKS]
+    assert max(task.horizon for task in tasks) == HORIZON
+    assert get_task("door").layout == LAYOUT
 
 
 @dataclass(frozen=True)
@@ -207,7 +220,7 @@ class Counts(Motions):
 
     def spoil(self, motion):
         self.asked += 1
-        motion[:, 1:] += self.asked
+        motion[:, 1:] += 1e-3 * self.asked
         return motion
 
 
@@ -227,15 +240,20 @@ class SizeWithASlash(Kodex):
 
 class Raises(Kodex):
     def rollout(self, start, steps):
+        super().rollout(start, steps)
         raise ZeroDivisionError("no motion today")
 
 
 @pytest.mark.parametrize(
     ("method", "rule", "message"),
     [
-        (WrongShape, "answers", "must return shape (8, 15, 5) or (8, 15, 3)"),
+        (
+            WrongShape,
+            "answers",
+            "rollout returned shape (6, 99, 35), expected (6, 100, 35) or (6, 100, 28)",
+        ),
         (SinglePrecisionList, "answers", "got list"),
-        (NotANumber, "finite", "not finite"),
+        (NotANumber, "finite", "rollout returned NaN or inf in 6 of 6 motions, first at t=99"),
         (MovedStart, "begins_at_the_start", "away from its start"),
         (BatchDependent, "batch_invariance", "alone and together"),
         (Still, "beats_holding_still", "holding still has"),
@@ -250,7 +268,7 @@ class Raises(Kodex):
         (ForgetsOnSave, "survives_storage", "once stored and loaded"),
         (AnswersUnfitted, "unfitted_raises", "was not fitted"),
         (Raises, "answers", "ZeroDivisionError: no motion today (test_checks.py:"),
-        (RaisesInFit, "fits", "KeyError: 'learning_rate' (test_checks.py:"),
+        (RaisesInFit, "fits", "fit raised KeyError: 'learning_rate' (test_checks.py:"),
         (Exits, "fits", "SystemExit: 4"),
         (ChangesFolder, "process_untouched", "it changed the current folder"),
         (Doubles, "process_untouched", "torch's default dtype"),
@@ -265,9 +283,77 @@ def test_a_broken_method_breaks_the_right_rule(method, rule, message):
     assert message in broken[rule]
 
 
-@pytest.mark.parametrize(("method", "rule"), [(NotANumber, "finite"), (RaisesInFit, "fits")])
-def test_one_fault_breaks_one_rule(method, rule):
-    assert [v.rule for v in check(method) if v.tried and not v.passed] == [rule]
+class NotANumberInOneMotion(Motions):
+    def spoil(self, motion):
+        motion[:1, 40:] = np.nan
+        return motion
+
+
+class NotANumberAnywhere(Motions):
+    def spoil(self, motion):
+        return np.full_like(motion, np.nan)
+
+
+class NotANumberLate(Steering):
+    def act(self, state, t):
+        return super().act(state, t) / (t != 30 or np.nan)
+
+
+class RaisesForOne(Kodex):
+    """The same error from all rules that ask for a single motion."""
+
+    def rollout(self, start, steps):
+        if len(start) == 1:
+            raise ValueError("give me more")
+        return super().rollout(start, steps)
+
+
+class NeverTheSame(Nondeterministic):
+    def fit(self, demos, validation, seed):
+        super().fit(demos, validation, seed)
+        self._koopman *= 1 + 0.01 * np.random.default_rng().random()
+
+
+@pytest.mark.parametrize(
+    ("method", "rule", "untried"),
+    [
+        (NotANumber, "finite", 0),
+        (NotANumberInOneMotion, "finite", 0),
+        (NotANumberLate, "finite", 0),
+        (NotANumberAnywhere, "finite", 9),
+        (RaisesInFit, "fits", 13),
+        (Raises, "answers", 12),
+        (RaisesForOne, "batch_invariance", 0),
+        (NeverTheSame, "same_seed_same_answer", 3),
+        (Counts, "same_start_same_answer", 1),
+    ],
+)
+def test_one_fault_breaks_one_rule(method, rule, untried):
+    verdicts = list(check(method))
+    assert [v.rule for v in verdicts if v.tried and not v.passed] == [rule]
+    assert [v.passed for v in verdicts if not v.tried] == [False] * untried
+    assert {v.message for v in verdicts if not v.tried} <= {f"needs {rule}"}
+
+
+def test_nan_at_a_late_step_of_an_action_method_is_found_with_its_step():
+    broken = {v.rule: v.message for v in check(NotANumberLate) if not v.passed}
+    assert broken == {"finite": "act returned NaN or inf in 6 of 6 episodes, first at t=30"}
+
+
+class RaisesTwice(Kodex):
+    """Breaks two rules by the same line."""
+
+    def rollout(self, start, steps):
+        if self._koopman is None or len(start) == 1:
+            raise ValueError("no motion")
+        return super().rollout(start, steps)
+
+
+def test_the_same_error_is_named_once():
+    verdicts = {v.rule: v for v in check(RaisesTwice) if not v.passed}
+    assert verdicts["unfitted_raises"].tried
+    assert not verdicts["batch_invariance"].tried
+    assert verdicts["batch_invariance"].message == "meets the error of unfitted_raises"
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+import torch
 
-from methods.checks import LAYOUT, toy
-from methods.contract import MAX_BYTES, ContractError, _stored, from_json, learn, resolved
+from methods.contract import (
+    MAX_BYTES,
+    ContractError,
+    _stored,
+    actions,
+    from_json,
+    learn,
+    motion,
+    resolved,
+)
 from methods.kodex import Kodex
+from methods.toy import LAYOUT, toy
 from tasks.files import from_bytes
 
 SOUND = {
@@ -92,3 +102,62 @@ def test_each_seed_has_an_object_of_its_own():
     values = resolved(Kodex.sizes["single"])
     with pytest.raises(ContractError, match="fit_seeds must return 2 of Shared, an object for"):
         learn(Shared, values, LAYOUT, toy(0, 5), toy(1, 2), [1, 2])
+
+
+class Torch(Kodex):
+    """Learns with torch, which warns of arrays that may not be written to."""
+
+    def fit(self, demos, validation, seed):
+        for some in (demos, validation):
+            for array in (some.states, some.velocities, some.actions, some.starts.values):
+                torch.from_numpy(array)
+        super().fit(demos, validation, seed)
+
+    def load(self, parameters):
+        torch.from_numpy(parameters["koopman"])
+        super().load(parameters)
+
+    def rollout(self, start, steps):
+        torch.from_numpy(start)
+        return super().rollout(start, steps)
+
+
+def test_arrays_that_a_method_gets_can_be_written_to_wherever_they_come_from():
+    demos = toy(0, 5)
+    for array in (demos.states, demos.velocities, demos.actions, demos.starts.values):
+        array.flags.writeable = False
+    values = resolved(Torch.sizes["single"])
+    (learnt,) = learn(Torch, values, LAYOUT, demos, demos, [1])
+    motion(learnt.method, demos.states[:, 0], 3)
+
+
+class Answers:
+    """A method that answers with what it is given."""
+
+    layout = LAYOUT
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def rollout(self, start, steps):
+        return self.answer
+
+    def act(self, state, t):
+        return np.linalg.inv(self.answer)
+
+
+def test_a_wrong_shape_is_named_beside_the_right_ones():
+    with pytest.raises(ContractError, match="rollout returned shape") as refused:
+        motion(Answers(np.zeros((2, 9, 35))), np.zeros((2, 35)), 9)
+    expected = "(2, 9, 35), expected (2, 10, 35) or (2, 10, 28)"
+    assert str(refused.value) == f"rollout returned shape {expected}"
+    with pytest.raises(ContractError, match=r"expected .*, at t=4$"):
+        actions(Answers(np.eye(2)), np.zeros((2, 35)), 4)
+
+
+def test_an_error_of_a_library_is_laid_at_the_line_of_the_method_that_called_it():
+    line = Answers.act.__code__.co_firstlineno + 1
+    with pytest.raises(ContractError) as refused:
+        actions(Answers(np.zeros((2, 2))), np.zeros((2, 35)), 30)
+    place = f"(test_contract.py:{line} in act), at t=30"
+    assert str(refused.value) == f"act raised LinAlgError: Singular matrix {place}"

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from torch import nn
 from torch.nn import functional
 
 from methods.base import shortened
-from methods.checks import LAYOUT, toy
 from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
 from methods.lstm import LSTM
 from methods.ndp import NDP
@@ -18,9 +18,13 @@ from methods.network import windows
 from methods.ngf import NGF, acceleration, energised, potential_gradient
 from methods.ngf_published import PublishedNGF
 from methods.nn import NN
+from methods.toy import toy
 from methods.training import Schedule, TrainingError, minimise
-from tasks.data import generator
+from tasks.data import Layout, generator
 from tasks.errors import InputError
+
+LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
+toy = partial(toy, layout=LAYOUT, horizon=15)
 
 SCHEDULE = Schedule(epochs=3, batch_size=4, learning_rate=1e-2)
 

@@ -1,0 +1,50 @@
+"""What a reader of results must know of answers of a method that were not finite numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bench.store import Store
+
+
+def who_answers(method: str, variant: str, task: str, seeds: Sequence[int]) -> str:
+    """Returns the name of a method in a message, such as ``nn published on door, seed 1``."""
+    name = method if variant == "described" else f"{method} {variant}"
+    noun = "seed" if len(seeds) == 1 else "seeds"
+    return f"{name} on {task}, {noun} {', '.join(map(str, seeds))}"
+
+
+def remarks(store: "Store") -> list[str]:
+    """Returns a line for each method and task with such answers in what the study asks for.
+
+    For example ``badact on door, seed 1: act returned NaN or inf for 17 of 20 starts, first at
+    t=30; these episodes diverge there, which is a failure``. Evaluations and seeds are added up.
+    """
+    found: dict[tuple[str, str, str, str], list[_Said]] = {}
+    for spec, episodes, chunks in store.non_finite():
+        place = (spec["method"], spec["variant"], spec["task"], chunks[0].call)
+        starts, first = sum(one.starts for one in chunks), min(one.first for one in chunks)
+        found.setdefault(place, []).append(_Said(spec["seed"], starts, episodes, first))
+    return [_line(*place, said) for place, said in found.items()]
+
+
+@dataclass(frozen=True)
+class _Said:
+    """Of one evaluation: of how many of its episodes answers were not finite, and from when on."""
+
+    seed: int
+    starts: int
+    episodes: int
+    first: int
+
+
+def _line(method: str, variant: str, task: str, call: str, said: Sequence[_Said]) -> str:
+    who = who_answers(method, variant, task, sorted({one.seed for one in said}))
+    starts, episodes = sum(one.starts for one in said), sum(one.episodes for one in said)
+    where = f" in {len(said)} evaluations" if len(said) > 1 else ""
+    first = min(one.first for one in said)
+    return (
+        f"{who}: {call} returned NaN or inf for {starts} of {episodes} starts{where}, first at"
+        f" t={first}; these episodes diverge there, which is a failure"
+    )
