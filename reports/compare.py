@@ -6,11 +6,12 @@ from itertools import combinations
 import pandas as pd
 from scipy.stats import false_discovery_control
 
+from bench.labels import labels_of
 from reports.results import Results
 from reports.stats import paired_difference
 from reports.style import TASKS
 from tasks.data import BoolArray
-from tasks.errors import InputError, unknown_name
+from tasks.errors import InputError
 
 SPLITS = ("test", "ood")
 
@@ -25,16 +26,13 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     Raises:
         InputError: fewer than two methods, one of which there are no results, or no common starts.
     """
-    known = list(results.select().method.unique())
-    for method in methods:
-        if method not in known:
-            raise unknown_name("method with results", method, known)
-    if len(set(methods)) < 2:
+    methods = _labels(results, methods)
+    if len(methods) < 2:
         raise InputError(f"two or more methods are compared, got {', '.join(methods)}")
     rows = []
     for task in TASKS:
         for split in SPLITS:
-            found = {m: _success(results, m, task, split) for m in dict.fromkeys(methods)}
+            found = {m: _success(results, m, task, split) for m in methods}
             outcomes = {m: success for m, success in found.items() if success is not None}
             rows += [
                 {"task": task, "split": split, "left": left, "right": right}
@@ -51,10 +49,16 @@ def compared(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     """Returns the evaluations of methods that `compare` lays beside each other."""
     parts = [
         results.main(method=method, split=split, controller=_controller(results, method))
-        for method in dict.fromkeys(methods)
+        for method in _labels(results, methods)
         for split in SPLITS
     ]
     return pd.concat(parts)
+
+
+def _labels(results: Results, names: Sequence[str]) -> list[str]:
+    """The labels that the names of methods stand for, each once."""
+    known = list(results.select().method.unique())
+    return list(dict.fromkeys(label for name in names for label in labels_of(name, known)))
 
 
 def _controller(results: Results, method: str) -> str:

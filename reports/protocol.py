@@ -15,8 +15,9 @@ from typing import Any
 import pandas as pd
 
 from bench.controller import ORIGINAL
+from bench.labels import EXPERT, plain
 from bench.store import CONDITIONS
-from reports.remarks import EXPERT, Remark
+from reports.remarks import Remark
 from reports.style import TASKS, display, ordered
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
@@ -104,7 +105,7 @@ def _shares(learnt: pd.DataFrame) -> Iterator[Setting]:
     )
     trained: dict[str, list[tuple[str, int, int]]] = {}
     for task, method, variant, size, epochs in found:
-        if own := own_epochs(method, variant, size):
+        if own := own_epochs(plain(method), variant, size):
             trained.setdefault(task, []).append((method, epochs, own))
     for task, claims in trained.items():
         for method, share in _rounded_alike(claims):
@@ -270,9 +271,10 @@ class Unlike:
             "robustness": found.physics != NOMINAL,
         }
         chosen = [name for name, asked in experiments.items() if asked.any()]
+        names = dict.fromkeys(map(plain, methods))
         return (
             f"bench run paper --experiments {','.join(chosen)} --tasks {','.join(self.tasks)}"
-            f" --methods {','.join(methods)} --out {self.folder}-paper"
+            f" --methods {','.join(names)} --out {self.folder}-paper"
         )
 
 

@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 
 from bench.controller import AUDITED
+from bench.labels import EXPERT, labelled
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
 from reports.protocol import MARK, Unlike, differences
 from reports.reference import Beside, open_results
-from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
+from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered
 from tasks.data import BoolArray, FloatArray
@@ -47,12 +48,12 @@ class Results:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each stored evaluation, as `bench.store.Store.frame` has it, task by task.
+        """One row for each stored evaluation, task by task, under the labels of `bench.labels`.
 
         Raises:
             InputError: there are none.
         """
-        found = self.source.frame()
+        found = labelled(self.source.frame())
         if found.empty:
             raise InputError(
                 "there are no evaluations to show yet: bench status says how far it is"

@@ -7,6 +7,8 @@ from typing import Any
 import matplotlib as mpl
 import seaborn as sns
 
+from bench.labels import SEPARATOR
+
 NAMES = {
     "expert": "Expert",
     "kodex": "KODex",
@@ -42,7 +44,7 @@ def display(name: str, suffixes: Mapping[str, str] | None = None) -> str:
 
 
 def _word(name: str) -> str:
-    return " ".join(NAMES.get(part, part) for part in name.split("_"))
+    return " ".join(NAMES.get(part, part) for part in name.replace(SEPARATOR, "_", 1).split("_"))
 
 
 def colour(row: str, rows: Sequence[str]) -> str:
