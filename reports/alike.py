@@ -1,6 +1,6 @@
 """Evaluations on the seeds and starts that all which are laid beside each other have."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import pandas as pd
 
@@ -8,25 +8,25 @@ FEWEST = 2
 """Seeds in common with which fits of several seeds are still compared."""
 
 
-def on_common_ground(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Returns evaluations cut to the seeds and starts that all groups of a task have.
+def on_common_ground(evaluations: pd.DataFrame, by: str = "method") -> pd.DataFrame:
+    """Returns evaluations cut to the seeds that all methods of a task have, and to common starts.
 
-    Starts are the first ``episodes`` of their split. Groups without common seeds keep their own,
+    Starts are the first ``episodes`` of their split. Methods without common seeds keep their own,
     see `reports.protocol.differences`. A method without seeds has 0, and stands for all of them.
 
     Args:
         evaluations: as `bench.store.Store.frame` gives them, of one split.
-        by: columns whose values make a group.
+        by: column that tells apart whose seeds are to be the same.
     """
     found = evaluations.reset_index(drop=True)
     for _, part in found.groupby("task"):
-        seeds = common_seeds(set(group.seed) for _, group in part.groupby(list(by)))
+        seeds = common_seeds(set(group.seed) for _, group in part.groupby(by))
         if len(seeds) >= FEWEST:
             found = found.drop(part.index[~part.seed.isin(seeds | {0})])
     return found.assign(episodes=found.groupby("task").episodes.transform("min"))
 
 
 def common_seeds(groups: Iterable[set[int]]) -> set[int]:
-    """Returns the seeds that all groups have which have any but 0."""
+    """Returns the seeds of all groups that have any but 0."""
     seeds = [group - {0} for group in groups if group - {0}]
     return set.intersection(*seeds) if seeds else set()

@@ -172,14 +172,14 @@ class Results:
         See `reports.alike.on_common_ground`.
         """
         parts = [self.main(**values).assign(place=i) for i, values in enumerate(selections)]
-        found = on_common_ground(pd.concat(parts), ["place"])
+        found = on_common_ground(pd.concat(parts), "place")
         chosen = (found[found.place == i].sort_values("seed") for i in range(len(parts)))
         return [self._stacked(self._episodes(one)) if len(one) else None for one in chosen]
 
     def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         """Returns one row for each group: success over its seeds, in per cent.
 
-        Those seeds and starts count that all groups of a task have, see
+        Of a task those starts count that all its fits have met, and the seeds of all methods, see
         `reports.alike.on_common_ground`.
 
         Columns: those of by, ``value`` the mean, ``spread`` the population standard deviation over
@@ -187,7 +187,7 @@ class Results:
         ``diverged``.
         """
         rows = []
-        for names, group in on_common_ground(evaluations, by).groupby(list(by), sort=False):
+        for names, group in on_common_ground(evaluations).groupby(list(by), sort=False):
             episodes = self._episodes(group)
             success = self._stacked(episodes)
             share = 100 * success.mean(axis=1)

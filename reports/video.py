@@ -37,9 +37,14 @@ RATE = 25
 """Pictures a second, each of a control step of 10 ms: four times slower than it happens."""
 STILL = RATE
 """Pictures of the end, once it is known whether the method succeeded."""
-VIEWS = {"reorientation": ((0.12, -0.05, 0.2), 0.9)}
-"""What the camera looks at and from how far [m], where it is not `VIEW`."""
-VIEW = ((0.0, 0.0, 0.25), 1.3)
+VIEWS = {
+    "tool": ((0.09, -0.18, 0.12), 0.8, 45.0),
+    "door": ((0.19, -0.2, 0.36), 1.8, 45.0),
+    "relocation": ((-0.09, -0.11, 0.21), 0.8, 45.0),
+    "reorientation": ((0.04, -0.19, 0.2), 0.6, 60.0),
+}
+"""What the camera looks at, from how far [m], and its azimuth [degrees]; of
+other tasks as of door, which is the widest."""
 GHOST = (0.1, 0.4, 0.9, 0.25)
 
 
@@ -172,10 +177,10 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
 
 
 def _camera(task: str) -> mujoco.MjvCamera:
-    """From behind the arm, above the table."""
+    """From the left behind the arm, above the table."""
     camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance = VIEWS.get(task, VIEW)
-    camera.azimuth, camera.elevation = 70.0, -35.0
+    camera.lookat[:], camera.distance, camera.azimuth = VIEWS.get(task, VIEWS["door"])
+    camera.elevation = -35.0
     return camera
 
 

@@ -60,4 +60,4 @@ def test_methods_are_compared_on_the_same_starts_and_seeds(stored):
 
 def test_seeds_are_left_as_they_are_where_one_or_none_is_shared(stored):
     tool = stored.frame[stored.frame.task == "tool"]
-    assert set(on_common_ground(tool, ["method"]).seed) == {1, 2}
+    assert set(on_common_ground(tool).seed) == {1, 2}
