@@ -104,5 +104,17 @@ def test_the_hand_and_the_object_stay_in_the_picture(task):
 def test_a_method_without_results_is_named(bench, task, results):
     code, _, err = bench("video", task.name, "--results", str(results), "--methods", "nn")
     assert code == 2
-    assert "no results of 'nn' on unseen starts of 'door'" in err
+    assert "unknown method with results 'nn': choose from expert, kodex" in err
+    code, _, err = bench("video", "tool", "--results", str(results), "--methods", "kodex")
+    assert code == 2
+    assert "no method has results on unseen starts of 'tool'" in err
     assert not (results / "videos").exists()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_method_with_two_settings_is_filmed_in_both(bench, task, results):
+    options = ("--experiments", "success", "--episodes", "3", "--jobs", "1", "--out", str(results))
+    bench("run", "smoke", "--tasks", "door", "--set", "kodex.observables=1", *options)
+    names = ("--methods", "kodex:observables=1,kodex", "--start", "1")
+    assert bench("video", "door", "--results", str(results), *names)[0] == 0
+    assert len(pictures(results / "videos/door-start-1.mp4", 352, 640)) == task.horizon + 25
