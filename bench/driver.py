@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import joblib
+import pandas as pd
 
 from bench.admission import admissions, guests, introductions
 from bench.backend import IN_THIS_PROCESS, Call, Interrupts, Workers, answers, workers
@@ -26,7 +27,7 @@ from bench.jobs import Piece, controller_job, evaluation_job, fit_job
 from bench.presets import Study
 from bench.progress import Cost, Progress
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
-from bench.store import Store
+from bench.store import Store, folder_name
 from methods.base import Method
 from methods.description import stand_in
 from methods.registry import introduced
@@ -82,7 +83,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         runner.store.check(cells_of(study, recipes) if largest is None else largest)
         compared = first_wave(study, recipes)
         runner.compute(compared, study.note)
-        chosen = chosen_sizes(study, runner.store.frame()) if compared else {}
+        chosen = chosen_sizes(study, runner.stored(compared)) if compared else {}
         cells = cells_of(study, recipes, chosen)
         runner.compute(cells, study.note)
         return runner.outcome(cells)
@@ -180,6 +181,12 @@ class _Runner:
             self._controllers(cells)
             self._fits(cells)
             self._evaluations(cells)
+
+    def stored(self, cells: Sequence[Cell]) -> pd.DataFrame:
+        """Returns the evaluations of the cells' fits, see `Store.frame`."""
+        frame = self.store.frame()
+        fits = {folder_name(cell.fit.label, cell.fit.key) for cell in cells}
+        return frame[frame.folder.isin(fits)]
 
     def outcome(self, cells: Sequence[Cell]) -> Outcome:
         """Returns what was done for the cells."""

@@ -9,6 +9,7 @@ from typing import Any, get_type_hints
 import pandas as pd
 
 from bench.controller import NO_CONTROLLER, ORIGINAL_SEED, RESEEDED
+from bench.labels import as_text
 from bench.presets import PRESETS, SMALLEST, Study
 from bench.selection import best_size
 from bench.settings import fits_type, typed, wrong_type
@@ -324,10 +325,13 @@ def _fits(
     for variant in variants:
         method = get_method(name, variant)
         if variant in method.variants:
-            config = resolved(_config(study, method, size, variant))
+            plain = resolved(_config(study, method, size, variant))
+            config = resolved(_with_settings(study, method, size, variant))
+            changed = {name: value for name, value in config.items() if value != plain.get(name)}
             for seed in (0,) if method.deterministic else study.seeds:
                 count = study.demos if demos is None else demos
-                yield Fit(task, name, variant, size, config, count, seed, recipes[task])
+                settings = as_text(changed)
+                yield Fit(task, name, variant, size, config, count, seed, recipes[task], settings)
 
 
 def every_fit(study: Study, name: str) -> list[Fit]:
@@ -346,6 +350,11 @@ def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
     names = {field.name for field in fields(config)}
     if "epochs" in names:
         config = replace(config, epochs=max(1, round(config.epochs * study.epochs_share)))
+    return config
+
+
+def _with_settings(study: Study, method: type[Method], size: str, variant: str) -> Any:
+    config = _config(study, method, size, variant)
     chosen = {
         field: typed(value, get_type_hints(type(config))[field])
         for (name, field), value in study.settings.items()

@@ -93,7 +93,8 @@ class Packed:
         import pandas as pd
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        return frame.assign(config=frame.config.map(json.loads))
+        settings = frame.get("settings", "")  # earlier versions did not note them
+        return frame.assign(config=frame.config.map(json.loads), settings=settings)
 
     @cached_property
     def _provenance(self) -> dict[str, Any]:

@@ -20,6 +20,8 @@ from bench.controller import (
     UNCLIPPED,
     ControllerConfig,
 )
+from bench.labels import EXPERT as EXPERT
+from bench.labels import RECIPE_DIGITS
 from bench.store import evaluation_name
 from methods.base import Method, fits_together
 from methods.contract import build
@@ -32,8 +34,6 @@ from tasks.masses import NOMINAL, physics_names
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import CHUNK
 
-EXPERT = "expert"
-"""Stands for a method in tables; nothing is fitted for it."""
 VALIDATION = "validation"
 """The starts of the validation demonstrations, as a split."""
 EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
@@ -54,21 +54,29 @@ class Fit:
     seed: int
     recipe: str
     """Key of what the demonstrations are made from."""
+    settings: str = ""
+    """What `--set` has changed of the config, such as ``hidden=64``, see `bench.labels`."""
 
     @cached_property
     def key(self) -> str:
-        """Names the fit; its size has no part in it, the config that it stands for has."""
+        """Names the fit; the config has a part in it, and neither its size nor what was set."""
         version = 0 if self.method == EXPERT else get_method(self.method, self.variant).version
-        values = {name: value for name, value in asdict(self).items() if name != "size"}
+        values = {k: value for k, value in asdict(self).items() if k not in ("size", "settings")}
         return key("fit", version, values)
 
     @property
     def label(self) -> str:
-        """A name for people to read: of a folder, or in a message."""
-        parts = [self.task, self.method]
-        if self.method != EXPERT:
-            parts += [self.variant, self.size, f"n{self.demos}", f"s{self.seed}"]
-        return "-".join(parts)
+        """A name for people to read, of a folder or in a message, of what a study asks for.
+
+        Of fits under one label a study shows the last that was asked for.
+        """
+        if self.method == EXPERT:
+            return f"{self.task}-{self.method}"
+        own = self.recipe == demos_key(get_task(self.task))
+        origin = "" if own else self.recipe[:RECIPE_DIGITS]
+        parts = [self.task, self.method, self.settings, self.variant, self.size]
+        parts += [f"n{self.demos}", origin, f"s{self.seed}"]
+        return "-".join(part for part in parts if part)
 
     def build(self) -> Method:
         """Returns the method, not fitted.

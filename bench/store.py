@@ -35,6 +35,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
+from bench.labels import labelled
 from tasks.data import NonFinite
 from tasks.errors import InputError
 from tasks.files import flush, from_bytes, sync, writable_folder
@@ -51,7 +52,7 @@ KEY_DIGITS = 12
 CONDITIONS = ("split", "physics", "controller", "rule")
 """What tells the evaluations of a fit apart."""
 NUMBERS = ("demos", "seed")
-_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "recipe")
+_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "recipe", "settings")
 _SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
 COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
 """Of what `Store.frame` returns."""
@@ -487,7 +488,7 @@ def episodes_table(source: Source) -> pd.DataFrame:
     import pandas as pd
 
     names = ["task", "method", "variant", "size", "demos", "seed", *CONDITIONS]
-    frame = source.frame()
+    frame = labelled(source.frame())
     if frame.empty:
         return pd.DataFrame(columns=[*names, "start", "success", "diverged", "steps"])
     parts = [source.outcomes(row) for row in frame.to_dict("records")]
@@ -614,7 +615,8 @@ def _row(
 ) -> dict[str, Any]:
     labels = _labels(table)
     return (
-        record["spec"]
+        {"settings": ""}  # earlier versions did not note them
+        | record["spec"]
         | {name: labels[name] for name in (*CONDITIONS, "controller_key")}
         | {
             "episodes": table.num_rows,

@@ -45,7 +45,7 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
             & (frame.method != EXPERT)
             & frame.variant.isin(["described", *LIFTING_VARIANTS])
         ]
-        group = ["task", "method", "variant", "size", "demos"]
+        group = ["task", "method", "settings", "variant", "size", "demos", "recipe"]
         firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
         missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
         timed = 0

@@ -1,11 +1,14 @@
 """Success over all tasks together."""
 
+from collections.abc import Sequence
+
 import pandas as pd
 
 from reports.exhibit import Exhibit, in_order
 from reports.results import Results
 from reports.stats import mean_over_tasks
 from reports.style import METHODS, TASKS
+from tasks.data import BoolArray
 
 SPLITS = {"test": "unseen", "ood": "out of distribution"}
 TRIMMED = {"mean": 0.0, "interquartile mean": 0.25}
@@ -16,11 +19,11 @@ def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method that was tried on all tasks, and two columns for each split."""
     rows = []
     for split, place in SPLITS.items():
-        for method in results.main(split=split).method.unique():
-            outcomes = [results.success(method=method, task=t, split=split) for t in TASKS]
-            found = [one for one in outcomes if one is not None]
-            if len(found) < len(TASKS):
-                continue
+        everywhere = _on_all_tasks(results, split)
+        if not everywhere:
+            continue
+        outcomes = [_outcomes(results, everywhere, task, split) for task in TASKS]
+        for method, found in zip(everywhere, zip(*outcomes, strict=True), strict=True):
             for statistic, trimmed in TRIMMED.items():
                 value, low, high = mean_over_tasks(found, trimmed, (method, split))
                 row = {"row": method, "column": f"{place}, {statistic}"}
@@ -29,6 +32,18 @@ def table(results: Results) -> pd.DataFrame:
     columns = [f"{place}, {statistic}" for place in SPLITS.values() for statistic in TRIMMED]
     frame = pd.DataFrame(rows, columns=["row", "column", "value", "low", "high", "n"])
     return in_order(frame, METHODS, columns)
+
+
+def _on_all_tasks(results: Results, split: str) -> list[str]:
+    """The methods that were tried on every task."""
+    counts = results.main(split=split).groupby("method", sort=False).task.nunique()
+    return list(counts.index[counts == len(TASKS)])
+
+
+def _outcomes(results: Results, methods: Sequence[str], task: str, split: str) -> list[BoolArray]:
+    """(S, N) success of each method on a task, on common seeds and starts."""
+    found = results.successes([{"method": m, "task": task, "split": split} for m in methods])
+    return [one for one in found if one is not None]
 
 
 EXHIBIT = Exhibit(

@@ -18,10 +18,7 @@ def table(results: Results) -> pd.DataFrame:
         return pd.DataFrame(columns=["row", "column", "value"])
     same = results.main(controller=ORIGINAL, split="test")
     found = pd.concat([same[same.folder.isin(others.folder)], others])
-    found = found.assign(
-        label=found.method + " " + found.task,
-        episodes=found.groupby(["task", "method"]).episodes.transform("min"),
-    )
+    found = found.assign(label=found.method + " " + found.task)
     success = success_table(results, found, "label", "controller")
     rows = [f"{method} {task}" for task in TASKS for method in METHODS[1:]]
     return in_order(_with_mean(success), rows, (ORIGINAL, *RESEEDED.values(), "mean"))

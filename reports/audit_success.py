@@ -14,12 +14,10 @@ def table(results: Results) -> pd.DataFrame:
     for task in JUDGED_OTHERWISE:
         otherwise = results.main(task=task, split="test", rule=PUBLISHED)
         appendix = results.main(task=task, split="test")
-        for episodes, judged in otherwise.groupby("episodes"):
-            alike = appendix[appendix.folder.isin(judged.folder)]
-            parts += [alike.assign(episodes=alike.episodes.clip(upper=episodes)), judged]
-    if not parts:
-        return pd.DataFrame(columns=["row", "column", "value"])
+        parts += [appendix[appendix.folder.isin(otherwise.folder)], otherwise]
     found = pd.concat(parts)
+    if found.empty:
+        return pd.DataFrame(columns=["row", "column", "value"])
     label = found.task + " " + found.rule
     columns = [f"{task} {rule}" for task in JUDGED_OTHERWISE for rule in rules(task)]
     return in_order(

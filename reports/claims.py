@@ -24,7 +24,6 @@ from reports.stats import paired_difference
 from reports.style import METHODS, TASKS, display
 from reports.table_11 import SETS
 from reports.table_12 import magnitudes
-from tasks.data import BoolArray
 from tasks.errors import described
 from tasks.masses import VARIATIONS
 
@@ -339,11 +338,10 @@ def _printed(setting: Setting) -> float:
 def _ours(claim: Claim, results: Results) -> tuple[str, str]:
     measured: list[Measured] = []
     for contrast in claim.contrasts:
-        left, right = _success(results, contrast.left), _success(results, contrast.right)
+        left, right = results.successes([_at(contrast.left), _at(contrast.right)])
         if left is None or right is None:
             return "not run", f"no results of {contrast.left if left is None else contrast.right}"
-        starts = min(left.shape[1], right.shape[1])
-        found = paired_difference(left[:, :starts], right[:, :starts], str(contrast))
+        found = paired_difference(left, right, str(contrast))
         measured.append((contrast, 100 * found.value, 100 * found.low, 100 * found.high))
     against = [m for m in measured if m[3] <= m[0].margin]
     open_ = [m for m in measured if m[2] <= m[0].margin]
@@ -352,17 +350,11 @@ def _ours(claim: Claim, results: Results) -> tuple[str, str]:
     return verdict, _evidence(shown, len(against), len(open_), len(measured))
 
 
-def _success(results: Results, setting: Setting) -> BoolArray | None:
-    """(S, N) success of each seed's fit; None where there are no results."""
+def _at(setting: Setting) -> dict[str, str]:
+    """The values by which a setting's evaluations are selected."""
     controller = "none" if setting.method == "expert" else "tuned" if setting.tuned else "original"
-    return results.success(
-        method=setting.method,
-        task=setting.task,
-        split=setting.split,
-        physics=setting.physics,
-        variant=setting.variant,
-        controller=controller,
-    )
+    names = ("method", "task", "split", "physics", "variant")
+    return {name: getattr(setting, name) for name in names} | {"controller": controller}
 
 
 def _evidence(shown: Measured, against: int, open_: int, of: int) -> str:

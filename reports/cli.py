@@ -97,11 +97,15 @@ def pack(
 
 
 def compare(
-    folder: Annotated[Path, typer.Argument(help="Folder of `bench run` or `bench pack`.")],
     methods: Annotated[
         str,
-        typer.Option(help="Two or more comma-separated methods, such as kodex,nn or kodex,expert."),
+        typer.Option(
+            help="Two or more comma-separated methods, such as kodex,nn or kodex,expert; a method"
+            " with several labels, such as mine:hidden=64, may stand for all of them."
+        ),
     ],
+    folder: Stored = None,
+    reference: Reference = False,
     with_reference: Beside = False,
     mixed: Mixed = False,
     as_json: AsJson = False,
@@ -112,10 +116,11 @@ def compare(
     from reports.results import Results
 
     chosen = names("--methods", methods)
-    results = Results(results_folder(folder, packed=True), with_reference)
+    results = Results(_one_of(folder, reference), with_reference)
     if not mixed and not with_reference:
         results.check_versions()
-    results.check_protocol(compared(results, chosen), mixed)
+    if not reference:
+        results.check_protocol(compared(results, chosen), mixed)
     table = compare_methods(results, chosen)
     if as_json:
         print(table.to_json(orient="records"))

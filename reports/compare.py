@@ -6,17 +6,18 @@ from itertools import combinations
 import pandas as pd
 from scipy.stats import false_discovery_control
 
+from bench.labels import labels_of
 from reports.results import Results
 from reports.stats import paired_difference
 from reports.style import TASKS
 from tasks.data import BoolArray
-from tasks.errors import InputError, unknown_name
+from tasks.errors import InputError
 
 SPLITS = ("test", "ood")
 
 
 def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
-    """Returns one row for each task, split and pair of methods, on the starts that both have met.
+    """Returns one row for each task, split and pair of methods, on the seeds and starts of both.
 
     Columns: ``task``, ``split``, ``left``, ``right``; success of both and its ``difference`` with
     the 95% interval ``low`` to ``high``, in per cent and points; ``p`` and ``q``, the same after
@@ -25,22 +26,18 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     Raises:
         InputError: fewer than two methods, one of which there are no results, or no common starts.
     """
-    known = list(results.select().method.unique())
-    for method in methods:
-        if method not in known:
-            raise unknown_name("method with results", method, known)
-    if len(set(methods)) < 2:
+    methods = _labels(results, methods)
+    if len(methods) < 2:
         raise InputError(f"two or more methods are compared, got {', '.join(methods)}")
     rows = []
     for task in TASKS:
         for split in SPLITS:
-            found = {m: _success(results, m, task, split) for m in dict.fromkeys(methods)}
-            outcomes = {m: success for m, success in found.items() if success is not None}
-            rows += [
-                {"task": task, "split": split, "left": left, "right": right}
-                | _difference(outcomes[left], outcomes[right], f"{task} {split} {left} {right}")
-                for left, right in combinations(outcomes, 2)
-            ]
+            for names in combinations(methods, 2):
+                left, right = results.successes([_at(results, m, task, split) for m in names])
+                if left is not None and right is not None:
+                    found = _difference(left, right, f"{task} {split} {' '.join(names)}")
+                    place = {"task": task, "split": split, "left": names[0], "right": names[1]}
+                    rows.append(place | found)
     if not rows:
         raise InputError(f"{', '.join(methods)} have met no starts in common")
     table = pd.DataFrame(rows)
@@ -51,10 +48,16 @@ def compared(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     """Returns the evaluations of methods that `compare` lays beside each other."""
     parts = [
         results.main(method=method, split=split, controller=_controller(results, method))
-        for method in dict.fromkeys(methods)
+        for method in _labels(results, methods)
         for split in SPLITS
     ]
     return pd.concat(parts)
+
+
+def _labels(results: Results, names: Sequence[str]) -> list[str]:
+    """The labels that the names of methods stand for, each once."""
+    known = list(results.select().method.unique())
+    return list(dict.fromkeys(label for name in names for label in labels_of(name, known)))
 
 
 def _controller(results: Results, method: str) -> str:
@@ -62,14 +65,12 @@ def _controller(results: Results, method: str) -> str:
     return "original" if "original" in controllers else "none"
 
 
-def _success(results: Results, method: str, task: str, split: str) -> BoolArray | None:
+def _at(results: Results, method: str, task: str, split: str) -> dict[str, str]:
     controller = _controller(results, method)
-    return results.success(method=method, task=task, split=split, controller=controller)
+    return {"method": method, "task": task, "split": split, "controller": controller}
 
 
 def _difference(left: BoolArray, right: BoolArray, name: str) -> dict[str, float]:
-    starts = min(left.shape[1], right.shape[1])
-    left, right = left[:, :starts], right[:, :starts]
     found = paired_difference(left, right, name)
     return {
         "left rate": 100 * left.mean(),
@@ -78,5 +79,5 @@ def _difference(left: BoolArray, right: BoolArray, name: str) -> dict[str, float
         "low": 100 * found.low,
         "high": 100 * found.high,
         "p": found.p,
-        "n": starts,
+        "n": left.shape[1],
     }

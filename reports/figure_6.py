@@ -15,9 +15,11 @@ PANELS = (ERROR, "success [%]")
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each set and quantity, and a column for each task."""
     rows = []
+    tested = {v: results.main(method="kodex", variant=v, split="test") for v in SETS}
+    rates = results.rates(pd.concat(tested.values()), ["variant", "task"])
     for variant, name in SETS.items():
-        found = results.main(method="kodex", variant=variant, split="test")
-        success = results.rates(found, ["task"]).rename(columns={"task": "column"})
+        found = tested[variant]
+        success = rates[rates.variant == variant].rename(columns={"task": "column"})
         rows += success.assign(row=f"{name}: success [%]").to_dict("records")
         for one in found.drop_duplicates("task").itertuples():
             error = results.imitation_error(one.folder)

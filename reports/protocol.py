@@ -2,7 +2,9 @@
 
 An exhibit, or `bench compare`, lays rows of several methods beside each other. They can be compared
 if on each task the methods learnt from the same demonstrations, the controllers of one name were
-trained alike, and all methods trained for the same share of their own epochs.
+trained alike, all methods trained for the same share of their own epochs, and those with seeds have
+the same or several in common. Starts are not compared: exhibits use those in common, see
+`reports.alike`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,13 +17,15 @@ from typing import Any
 import pandas as pd
 
 from bench.controller import ORIGINAL
+from bench.labels import EXPERT, plain
 from bench.store import CONDITIONS
-from reports.remarks import EXPERT, Remark
+from reports.alike import FEWEST, common_seeds
+from reports.remarks import Remark
 from reports.style import TASKS, display, ordered
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
 
-DEMOS, RECIPE, EPOCHS = "demos", "demos of", "share of epochs"
+DEMOS, RECIPE, EPOCHS, SEEDS = "demos", "demos of", "share of epochs", "seeds"
 OF_EXPERT = "the expert"
 MARK = "*"
 """Follows the name of a method that was run otherwise than most."""
@@ -51,7 +55,8 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     learnt = rows[rows.method != EXPERT]
     experts = rows[rows.method == EXPERT].drop_duplicates("task")
     own = dict(zip(experts.task, experts.recipe, strict=True))
-    found = [*_demonstrations(learnt, own), *_controllers(learnt, specs, own), *_shares(learnt)]
+    found = [*_demonstrations(learnt, own), *_controllers(learnt, specs, own)]
+    found += [*_shares(learnt), *_seeds(learnt)]
     table = pd.DataFrame(found, columns=["task", "method", "setting", "value"]).drop_duplicates()
     table = table[table.groupby(["task", "setting"]).value.transform("nunique") > 1]
     kept: dict[str, set[tuple[str, ...]]] = {}
@@ -104,11 +109,20 @@ def _shares(learnt: pd.DataFrame) -> Iterator[Setting]:
     )
     trained: dict[str, list[tuple[str, int, int]]] = {}
     for task, method, variant, size, epochs in found:
-        if own := own_epochs(method, variant, size):
+        if own := own_epochs(plain(method), variant, size):
             trained.setdefault(task, []).append((method, epochs, own))
     for task, claims in trained.items():
         for method, share in _rounded_alike(claims):
             yield task, method, EPOCHS, share
+
+
+def _seeds(learnt: pd.DataFrame) -> Iterator[Setting]:
+    """The seeds of the methods of tasks where they have too few in common."""
+    for task, part in learnt[learnt.seed > 0].groupby("task", sort=False):
+        groups = {method: set(seeds) for method, seeds in part.groupby("method").seed}
+        if len(common_seeds(groups.values())) < FEWEST:
+            for method, seeds in groups.items():
+                yield str(task), str(method), SEEDS, " ".join(map(str, sorted(seeds)))
 
 
 def own_epochs(method: str, variant: str, size: str) -> int | None:
@@ -213,13 +227,18 @@ class Unlike:
         return Remark(text, self.marked, frozenset(self.tasks))
 
     def refusal(self, rows: pd.DataFrame) -> InputError:
-        """Returns the error that shows what differs on the first task, and what to run instead."""
-        columns = self._headed(self.tasks[0])
-        names = ["the shipped results" if name == SHIPPED else name for name in columns]
-        what = " and ".join(names)
-        where = ", ".join(self.tasks)
+        """Returns the error that shows what differs on each task, and what to run instead."""
+        drawings: dict[tuple[str, str], list[str]] = {}
+        for task in self.tasks:
+            columns = self._headed(task)
+            names = ["the shipped results" if name == SHIPPED else name for name in columns]
+            drawings.setdefault((" and ".join(names), _drawn(columns)), []).append(task)
+        shown = "\n".join(
+            f"{what} cannot be compared on {', '.join(tasks)}\n{drawing}"
+            for (what, drawing), tasks in drawings.items()
+        )
         return InputError(
-            f"{what} cannot be compared on {where}\n{_drawn(columns)}\n"
+            f"{shown}\n"
             "to see them all the same, give --mixed\n"
             f"get comparable rows: {self._command(rows)}"
         )
@@ -270,9 +289,10 @@ class Unlike:
             "robustness": found.physics != NOMINAL,
         }
         chosen = [name for name, asked in experiments.items() if asked.any()]
+        names = dict.fromkeys(map(plain, methods))
         return (
             f"bench run paper --experiments {','.join(chosen)} --tasks {','.join(self.tasks)}"
-            f" --methods {','.join(methods)} --out {self.folder}-paper"
+            f" --methods {','.join(names)} --out {self.folder}-paper"
         )
 
 

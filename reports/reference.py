@@ -140,7 +140,6 @@ class Beside(Together):
         return [*self._own.notes(), origin]
 
 
-_FIT = ["task", "method", "variant", "size", "demos", "seed"]
 _PLACE = ["folder", *CONDITIONS]
 
 
@@ -152,7 +151,8 @@ def _first_source(whole: pd.DataFrame, column: str) -> dict[str, int]:
 
 def _check_alike(whole: pd.DataFrame) -> None:
     """Refuses results that differ in what their description does not show."""
-    for by, what in ((_FIT, "folder"), (_PLACE, "controller_key")):
+    whole = whole.assign(label=whole.folder.str.rsplit("-", n=1).str[0])
+    for by, what in ((["label"], "folder"), (_PLACE, "controller_key")):
         for names, found in whole.groupby(by)[what]:
             if found.nunique() > 1:
                 raise InputError(

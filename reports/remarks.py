@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import pandas as pd
 
 from bench.controller import ON_SUCCESSES, TUNED, UNCLIPPED
+from bench.labels import EXPERT
 from reports.style import TASKS, display, ordered
 
-EXPERT = "expert"
 OWN = " (suite's own)"
 """Follows the expert's name where methods learnt from other demonstrations than the expert's."""
 

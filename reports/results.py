@@ -1,6 +1,6 @@
 """What the exhibits are made from: stored evaluations and diagnostics, summed up."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,15 @@ import numpy as np
 import pandas as pd
 
 from bench.controller import AUDITED
+from bench.labels import EXPERT, labelled
 from bench.packed import open_results
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
+from reports.alike import on_common_ground
 from reports.protocol import MARK, Unlike, differences
 from reports.reference import Beside
-from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
+from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
 from reports.style import TASKS, ordered
 from tasks.data import BoolArray, FloatArray
@@ -48,12 +50,12 @@ class Results:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each stored evaluation, as `bench.store.Store.frame` has it, task by task.
+        """One row for each stored evaluation, task by task, under the labels of `bench.labels`.
 
         Raises:
             InputError: there are none.
         """
-        found = self.source.frame()
+        found = labelled(self.source.frame())
         if found.empty:
             raise InputError(
                 "there are no evaluations to show yet: bench status says how far it is"
@@ -163,25 +165,32 @@ class Results:
 
         None where there are no results; only the starts that all seeds have met are returned.
         """
-        found = self.main(**values)
-        if found.empty:
-            return None
-        episodes = self._episodes(found.sort_values("seed"))
-        return np.stack([one.success.to_numpy(bool) for one in episodes])
+        return self.successes([values])[0]
+
+    def successes(self, selections: Sequence[Mapping[str, object]]) -> list[BoolArray | None]:
+        """Returns what `success` does for several selections of a task, on common seeds and starts.
+
+        See `reports.alike.on_common_ground`.
+        """
+        parts = [self.main(**values).assign(place=i) for i, values in enumerate(selections)]
+        found = on_common_ground(pd.concat(parts), "place")
+        chosen = (found[found.place == i].sort_values("seed") for i in range(len(parts)))
+        return [self._stacked(self._episodes(one)) if len(one) else None for one in chosen]
 
     def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         """Returns one row for each group: success over its seeds, in per cent.
 
-        Of each group the starts count that all its fits have met.
+        Of a task those starts count that all its fits have met, and the seeds of all methods, see
+        `reports.alike.on_common_ground`.
 
         Columns: those of by, ``value`` the mean, ``spread`` the population standard deviation over
         seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each,
         ``diverged``.
         """
         rows = []
-        for names, group in evaluations.groupby(list(by), sort=False):
+        for names, group in on_common_ground(evaluations).groupby(list(by), sort=False):
             episodes = self._episodes(group)
-            success = np.stack([one.success.to_numpy(bool) for one in episodes])
+            success = self._stacked(episodes)
             share = 100 * success.mean(axis=1)
             low, high = rate_interval(success, names)
             rows.append(
@@ -200,9 +209,13 @@ class Results:
         return pd.DataFrame(rows, columns=columns)
 
     def _episodes(self, evaluations: pd.DataFrame) -> list[pd.DataFrame]:
-        """The episodes of each evaluation, as far as all of them go."""
-        count = int(evaluations.episodes.min())
-        return [self.outcomes(row).iloc[:count] for row in evaluations.to_dict("records")]
+        """The first episodes of each evaluation, as many as its row says."""
+        rows = evaluations.to_dict("records")
+        return [self.outcomes(row).iloc[: row["episodes"]] for row in rows]
+
+    @staticmethod
+    def _stacked(episodes: Sequence[pd.DataFrame]) -> BoolArray:
+        return np.stack([one.success.to_numpy(bool) for one in episodes])
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values.

@@ -18,7 +18,6 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
         if found.empty:
             return found.assign(row=[], column=[], value=[])
         same = results.main(task=task, split="test")
-        same = same.assign(episodes=same.episodes.clip(upper=found.episodes.min()))
         found = pd.concat([same, found])
         label = found.method.where(
             found.controller == "none", found.method + " " + found.controller

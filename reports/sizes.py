@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from bench.labels import plain
 from reports.exhibit import Exhibit, in_order, success_table, with_published
 from reports.results import SIZES, Results
 from reports.style import display
@@ -12,9 +13,12 @@ def size_exhibit(number: int, method: str) -> Exhibit:
     name = f"table_{number}"
 
     def table(results: Results) -> pd.DataFrame:
-        found = results.select(method=method, split="validation")
+        found = results.select(split="validation")
+        found = found[found.method.map(plain) == method]
         found = found[found.demos == found.groupby("task").demos.transform("max")]
-        return with_published(in_order(success_table(results, found, "size", "task"), SIZES), name)
+        own = found.method == method
+        found = found.assign(label=found["size"].where(own, found.method + " " + found["size"]))
+        return with_published(in_order(success_table(results, found, "label", "task"), SIZES), name)
 
     return Exhibit(
         name=name,

@@ -1,11 +1,14 @@
 """How every figure looks: one colour and one hatch per method, legible in greyscale."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
 import seaborn as sns
+
+from bench.labels import SEPARATOR
 
 NAMES = {
     "expert": "Expert",
@@ -42,7 +45,8 @@ def display(name: str, suffixes: Mapping[str, str] | None = None) -> str:
 
 
 def _word(name: str) -> str:
-    return " ".join(NAMES.get(part, part) for part in name.split("_"))
+    label = re.sub(rf"{SEPARATOR}(?=\w)", "_", name, count=1)
+    return " ".join(NAMES.get(part, part) for part in label.split("_"))
 
 
 def colour(row: str, rows: Sequence[str]) -> str:

@@ -10,12 +10,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from bench.checking import known
 from bench.driver import learnt
 from bench.jobs import make_policy
+from bench.labels import labels_of, plain
 from bench.rollout import TrackedMotion
 from bench.spec import EXPERT
 from bench.store import Store
@@ -37,9 +39,14 @@ RATE = 25
 """Pictures a second, each of a control step of 10 ms: four times slower than it happens."""
 STILL = RATE
 """Pictures of the end, once it is known whether the method succeeded."""
-VIEWS = {"reorientation": ((0.12, -0.05, 0.2), 0.9)}
-"""What the camera looks at and from how far [m], where it is not `VIEW`."""
-VIEW = ((0.0, 0.0, 0.25), 1.3)
+VIEWS = {
+    "tool": ((0.09, -0.18, 0.12), 0.8, 45.0),
+    "door": ((0.19, -0.2, 0.36), 1.8, 45.0),
+    "relocation": ((-0.09, -0.11, 0.21), 0.8, 45.0),
+    "reorientation": ((0.04, -0.19, 0.2), 0.6, 60.0),
+}
+"""What the camera looks at, from how far [m], and its azimuth [degrees]; of
+other tasks as of door, which is the widest."""
 GHOST = (0.1, 0.4, 0.9, 0.25)
 
 
@@ -94,7 +101,9 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
 
     task = get_task(task_name)
     starts = task.sample("test", start + 1)[start:]
-    takes = [take(folder, task, method, starts) for method in methods]
+    known = list(_tested(Results(folder), task_name).method.unique())
+    labels = [label for name in methods for label in labels_of(name, known)]
+    takes = [take(folder, task, label, starts) for label in labels]
     size = (SIZE * len(takes), SIZE + BAR)
     with whole_file(path) as temporary:
         writer = imageio_ffmpeg.write_frames(str(temporary), size, fps=RATE)
@@ -140,15 +149,19 @@ def frames(takes: Sequence[Take]) -> Iterator[Frame]:
         renderer.close()
 
 
-def _row(results: Results, task: str, method: str) -> dict[str, Any]:
-    found = results.main(task=task, method=method, split="test").sort_values("seed")
+def _tested(results: Results, task: str) -> pd.DataFrame:
+    """The evaluations of all methods on unseen starts of a task."""
+    found = results.main(task=task, split="test")
     if found.empty:
-        known = results.main(task=task, split="test").method.unique()
-        raise InputError(
-            f"no results of {method!r} on unseen starts of {task!r}; methods that have some:"
-            f" {', '.join(known) or 'none'}"
-        )
-    return dict(found.to_dict("records")[0])
+        raise InputError(f"no method has results on unseen starts of {task!r}")
+    return found
+
+
+def _row(results: Results, task: str, method: str) -> dict[str, Any]:
+    tested = _tested(results, task)
+    label = labels_of(method, list(tested.method.unique()))[0]
+    first = tested[tested.method == label].sort_values("seed").to_dict("records")[0]
+    return first | {"method": plain(label)}
 
 
 def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended: bool) -> Frame:
@@ -172,10 +185,10 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
 
 
 def _camera(task: str) -> mujoco.MjvCamera:
-    """From behind the arm, above the table."""
+    """From the left behind the arm, above the table."""
     camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance = VIEWS.get(task, VIEW)
-    camera.azimuth, camera.elevation = 70.0, -35.0
+    camera.lookat[:], camera.distance, camera.azimuth = VIEWS.get(task, VIEWS["door"])
+    camera.elevation = -35.0
     return camera
 
 

@@ -3,7 +3,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from importlib.metadata import version
-from itertools import pairwise
+from itertools import pairwise, product
 
 import pytest
 import typer
@@ -336,3 +336,18 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
         )
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "old"
+
+
+def test_the_shipped_results_can_be_compared(bench):
+    code, out, err = bench("compare", "--reference", "--methods", "kodex,nn", "--json")
+    assert (code, err) == (0, "")
+    assert {(row["task"], row["split"]) for row in json.loads(out)} == set(
+        product(TASKS, ("test", "ood"))
+    )
+
+
+def test_compare_takes_a_folder_or_the_shipped_results(bench, tmp_path):
+    for arguments in ([], [str(tmp_path), "--reference"]):
+        code, _, err = bench("compare", *arguments, "--methods", "kodex,nn")
+        assert code == 2
+        assert "give a results folder or --reference" in err

@@ -25,7 +25,7 @@ from methods import registry
 from methods.kodex import Kodex
 from reports.results import Results
 from reports.write import exhibits
-from tasks.demos import load_demos, save_demos
+from tasks.demos import demos_key, load_demos, save_demos
 from tasks.demos import record as record_demos
 from tasks.errors import InputError
 from tasks.masses import READINGS, VARIATIONS
@@ -185,10 +185,10 @@ class TestInProcess:
             merge([tmp_path / "whole"], tmp_path / "out")
         assert not (tmp_path / "out/cells").exists()
 
-    def test_what_was_not_run_alike_is_not_merged(self, task, smoke, bench, tmp_path):
-        for name, value in (("a", 1), ("b", 2)):
-            setting = ("--set", f"kodex.observables={value}")
-            bench("run", "smoke", "--out", str(tmp_path / name), "--jobs", "1", *setting)
+    def test_what_was_not_run_alike_is_not_merged(self, task, smoke, bench, tmp_path, monkeypatch):
+        for name, version in (("a", 1), ("b", 2)):
+            monkeypatch.setattr(Kodex, "version", version)
+            bench("run", "smoke", "--out", str(tmp_path / name), "--jobs", "1")
         folders = (str(tmp_path / "a"), str(tmp_path / "b"))
         code, _, error = bench("merge", *folders, "--out", str(tmp_path / "out"))
         assert code == 2
@@ -253,8 +253,44 @@ class TestInProcess:
         assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith(
             "4 results"
         )
-        config = json.loads(Store(tmp_path).frame().config.map(json.dumps).iloc[-1])
-        assert config == {"observables": 1, "cutoff": 1.0}
+        frame = Store(tmp_path).frame()
+        configs = frame[frame.split == "validation"].set_index("settings").config
+        assert {name: config["observables"] for name, config in configs.items()} == {
+            "": 3,
+            "observables=1": 1,
+        }
+
+    def test_results_of_two_settings_stand_side_by_side(self, task, smoke, bench, tmp_path):
+        options = ("--out", str(tmp_path), "--jobs", "1", "--experiments", "success")
+        labels = [f"kodex:observables={number}" for number in (1, 2)]
+        for number in (1, 2):
+            bench("run", "smoke", *options, "--set", f"kodex.observables={number}")
+        assert set(load(tmp_path).method) == {"expert", *labels}
+        for names in ("kodex", ",".join(labels)):
+            pairs = json.loads(bench("compare", str(tmp_path), "--methods", names, "--json")[1])
+            assert [[pair["left"], pair["right"]] for pair in pairs] == [labels]
+        assert bench("report", str(tmp_path))[0] == 0
+        table = (tmp_path / "report/tables/unseen.md").read_text()
+        for number in (1, 2):
+            assert f"KODex observables={number} " in table
+
+    def test_a_fit_that_fails_hides_no_other_of_the_method(
+        self, task, smoke, bench, tmp_path, monkeypatch
+    ):
+        def fit(self, demos, validation, seed):
+            if self.config.observables == 2:
+                raise ZeroDivisionError("two never works")
+            own(self, demos, validation, seed)
+
+        own = Kodex.fit
+        monkeypatch.setattr(Kodex, "fit", fit)
+        options = ("--out", str(tmp_path), "--jobs", "1", "--experiments", "success")
+        for number, code in ((1, 0), (2, 3), (1, 0)):
+            setting = ("--set", f"kodex.observables={number}")
+            assert bench("run", "smoke", *options, *setting)[0] == code
+        assert set(load(tmp_path).method) == {"expert", "kodex"}
+        (failure,) = Store(tmp_path).failures()
+        assert failure["label"] == "door-kodex-observables=2-described-single-n6-s0"
 
     def test_the_report_has_table_1_with_interval_n_and_the_published_value(
         self, task, smoke, bench, tmp_path
@@ -320,6 +356,12 @@ class TestInProcess:
             6: 1,
         }
         assert frame[frame.method == "kodex"].recipe.nunique() == 2
+        save_demos(load_demos(task)[:6], file)
+        bench(*run)
+        others = set(Store(out).frame().recipe) - {demos_key(task)}
+        assert len(others) == 2
+        labels = {f"kodex:demos={key[:8]}" for key in others}
+        assert set(load(out).method) == {"expert", "kodex", *labels}
 
     @pytest.mark.parametrize(
         ("options", "answer"),
@@ -376,7 +418,7 @@ class TestInProcess:
         assert answer in error
         assert not out.exists()
 
-    def test_parts_pack_into_one(self, task, smoke, bench, tmp_path, files_of):
+    def test_parts_pack_into_one(self, task, smoke, bench, tmp_path, files_of, monkeypatch):
         folders = [tmp_path / name for name in ("whole", "part", "more", "packed", "other")]
         whole, part, more, packed, other = map(str, folders)
         run = ("run", "smoke", "--jobs", "1", "--out")
@@ -396,10 +438,11 @@ class TestInProcess:
         for folder in (whole, packed):
             bench("report", folder)
         assert files_of(tmp_path / "packed/report") == files_of(tmp_path / "whole/report")
-        bench(*run, other, "--set", "kodex.cutoff=10")
+        monkeypatch.setattr(Kodex, "version", 2)
+        bench(*run, other)
         code, _, error = bench("pack", packed, other, "--out", packed)
         assert code == 2
-        assert "different results of door kodex described single" in error
+        assert "different results of door-kodex-described-single-n6-s0" in error
         pd.testing.assert_frame_equal(
             episodes, pd.read_parquet(tmp_path / "packed/episodes.parquet")
         )

@@ -25,7 +25,10 @@ class Rates(Results):
     def __init__(self, rates, starts=400):
         self.rates, self.starts = rates, starts
 
-    def success(self, **values):
+    def successes(self, selections):
+        return [self.one(**values) for values in selections]
+
+    def one(self, **values):
         rate = self.rates.get((values["method"], values["physics"]))
         if rate is None:
             return None

@@ -30,7 +30,10 @@ class Rates(Results):
         ]
     )
 
-    def success(self, *, method, task, split, controller):
+    def successes(self, selections):
+        return [self.one(**values) for values in selections]
+
+    def one(self, *, method, task, split, controller):
         if task != "door" or split != "test":
             return None
         assert controller == ("none" if method == "expert" else "original")

@@ -19,9 +19,9 @@ CONTROLLERS = {}
 
 def rows(preset, recipe="recipe", **values):
     """The rows that a preset of Door gives."""
-    study = replace(get_preset(preset), tasks=("door",), **values)
+    study = replace(get_preset(preset), **{"tasks": ("door",), "seeds": (1, 2, 3), **values})
     found = []
-    for cell in cells_of(study, {"door": recipe}):
+    for cell in cells_of(study, dict.fromkeys(study.tasks, recipe)):
         if cell.controller:
             CONTROLLERS[cell.controller.key] = asdict(cell.controller)
         found.append(asdict(cell.fit) | asdict(cell.evaluation))
@@ -181,3 +181,30 @@ def test_a_class_that_cannot_be_loaded_has_no_share(monkeypatch):
     frame = pd.concat([rows("quick", methods=("nn",)), rows("paper", methods=("ndp",))])
     monkeypatch.setattr(registry, "get_method", broken)
     assert differing(frame).empty
+
+
+@pytest.mark.parametrize(
+    ("seeds", "others", "refused"),
+    [((1,), (1,), False), ((1,), (1, 2), True), ((1, 2, 3), (2, 3, 4), False), ((1,), (2,), True)],
+)
+def test_seeds_must_be_the_same_or_several_in_common(seeds, others, refused):
+    found = differing(
+        rows("paper", methods=("kodex", "nn"), seeds=seeds),
+        rows("paper", methods=("ndp",), seeds=others),
+    )
+    assert set(found.setting) == ({"seeds"} if refused else set())
+    assert "kodex" not in set(found.method)
+
+
+def test_what_differs_is_shown_for_each_task():
+    parts = [rows("smoke", methods=("kodex",), tasks=(task,)) for task in ("door", "tool")]
+    others = [
+        rows("paper", methods=("nn",)),
+        rows("paper", methods=("nn",), demos=50, tasks=("tool",)),
+    ]
+    message = refusal(*parts, *others)
+    assert "cannot be compared on door\n" in message
+    assert "cannot be compared on tool\n" in message
+    assert ["demos", "10", "200"] in [line.split() for line in message.splitlines()]
+    assert ["demos", "10", "50"] in [line.split() for line in message.splitlines()]
+    assert message.endswith("--tasks tool,door --methods kodex,nn --out results/mine-paper")

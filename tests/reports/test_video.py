@@ -8,7 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from reports.video import Take, _add_ghost
+from reports.video import Take, Watched, _add_ghost, _camera
+from tasks.experts import load_expert
+from tasks.simulator import rollout
 
 pytestmark = pytest.mark.skipif(
     not os.environ["MUJOCO_GL"], reason="MuJoCo cannot draw on this machine"
@@ -69,9 +71,50 @@ def test_a_ghost_is_made_of_geoms_of_the_hand_alone(task):
     assert not {task.model.body(name).id for name in OBJECTS[task.name]} & bodies
 
 
+def on_screen(task, model, positions, bodies):
+    """Where bodies are in the square picture of a film (B, 2), from -1 to 1."""
+    data = mujoco.MjData(model)
+    data.qpos = positions
+    mujoco.mj_forward(model, data)
+    scene, option = mujoco.MjvScene(model, 2000), mujoco.MjvOption()
+    every = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, option, None, _camera(task.name), every, scene)
+    eye = scene.camera[0]
+    seen = data.xpos[bodies] - eye.pos
+    right = np.cross(eye.forward, eye.up)
+    depth = (seen @ eye.forward) * np.tan(np.radians(model.vis.global_.fovy / 2))
+    return np.stack([seen @ right, seen @ eye.up], axis=1) / depth[:, None]
+
+
+def test_the_hand_and_the_object_stay_in_the_picture(task):
+    starts = task.sample("test", 3)
+    manipulated = "latch" if task.name == "door" else "Object"
+    root = task.model.body_rootid[task.model.jnt_bodyid[0]]
+    arm = np.flatnonzero(task.model.body_rootid == root)
+    hand = [body for body in arm if task.model.body(body).name not in ("forearm", "vive_tracker")]
+    shown = [*hand, task.model.body(manipulated).id]
+    for start in range(len(starts)):
+        watched = Watched(load_expert(task).policy)
+        rollout(task, starts[start : start + 1], watched, threads=1, whole=True)
+        for positions in watched.positions[::10]:
+            assert np.abs(on_screen(task, watched.model, positions, shown)).max() < 1
+
+
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_a_method_without_results_is_named(bench, task, results):
     code, _, err = bench("video", task.name, "--results", str(results), "--methods", "nn")
     assert code == 2
-    assert "no results of 'nn' on unseen starts of 'door'" in err
+    assert "unknown method with results 'nn': choose from expert, kodex" in err
+    code, _, err = bench("video", "tool", "--results", str(results), "--methods", "kodex")
+    assert code == 2
+    assert "no method has results on unseen starts of 'tool'" in err
     assert not (results / "videos").exists()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_method_with_two_settings_is_filmed_in_both(bench, task, results):
+    options = ("--experiments", "success", "--episodes", "3", "--jobs", "1", "--out", str(results))
+    bench("run", "smoke", "--tasks", "door", "--set", "kodex.observables=1", *options)
+    names = ("--methods", "kodex:observables=1,kodex", "--start", "1")
+    assert bench("video", "door", "--results", str(results), *names)[0] == 0
+    assert len(pictures(results / "videos/door-start-1.mp4", 352, 640)) == task.horizon + 25
