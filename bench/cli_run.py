@@ -16,6 +16,8 @@ from tasks.errors import InputError
 from tasks.files import writable_folder
 
 if TYPE_CHECKING:
+    from bench.backend import Workers
+    from bench.driver import Outcome
     from bench.presets import Study
 
 Preset = Annotated[
@@ -112,7 +114,6 @@ def run(
     """Run a study: fit methods and evaluate them. Only missing results are computed."""
     from bench.backend import Workers
     from bench.driver import count_jobs
-    from bench.driver import run as run_study
 
     study = _study(
         preset, experiments, tasks, methods, sizes, variants, seeds, episodes, demos, settings
@@ -121,8 +122,22 @@ def run(
     count = count_jobs(jobs)
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
+    outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
+    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
+    if outcome.failed:
+        raise typer.Exit(SOME_FAILED)
+
+
+def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
+    """Runs a study, see `bench.driver.run`; prints what failed, and how to go on once stopped.
+
+    Raises:
+        typer.Exit: the results could not be written.
+    """
+    from bench.driver import run as run_driver
+
     try:
-        outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
+        outcome = run_driver(study, out, where)
     except OSError as error:
         print(
             f"bench: {error}; stored results are intact; rerun the same command to resume",
@@ -134,9 +149,7 @@ def run(
         raise
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
-    if outcome.failed:
-        raise typer.Exit(SOME_FAILED)
+    return outcome
 
 
 def time(
