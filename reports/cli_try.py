@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def try_method(
     method: Annotated[str, typer.Argument(help="Name of a method, such as nn; see `bench list`.")],
-    task: Annotated[str, typer.Option(help="Name of a task.")] = "door",
+    task: Annotated[str, typer.Option(help="Name of a task, such as tool.")] = "door",
     seed: Annotated[int, number(1, "Seed of the method's random numbers.")] = 1,
     episodes: Annotated[int, number(1, "Episodes, one from each of the first test starts.")] = 200,
     settings: Settings = None,
@@ -32,8 +32,7 @@ def try_method(
 ) -> None:
     """Fit a method on one task and print its success beside the shipped methods.
 
-    It learns from 200 demonstrations, at its default size; the shipped methods learnt from the same
-    ones and met the same starts. Exit code 3 if the method fails.
+    It learns from 200 demonstrations, at its default size. Exit code 3 if it fails.
     """
     from bench.backend import Workers
     from methods.registry import method_names, unusable
@@ -60,7 +59,7 @@ def try_method(
     print(_heading(trial).ljust(80) + f"{seconds:6.0f} s")
     print(_table(trial, beside))
     print(_remark(trial, beside, unlike))
-    print("\n".join(_next_commands(trial, out)))
+    print(_next_commands(trial, out))
 
 
 def _as_json(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> dict[str, Any]:
@@ -112,7 +111,7 @@ def _rate(row: dict[str, Any]) -> str:
 
 
 def _difference(row: dict[str, Any]) -> str:
-    return "{difference:+6.1f} [{difference_low:+.1f}, {difference_high:+.1f}]".format(**row)
+    return "{difference:+6.1f} [{difference_low:.1f}, {difference_high:.1f}]".format(**row)
 
 
 def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> str:
@@ -122,21 +121,20 @@ def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> s
         return f"{heading}\n{_indented(unlike)}"
     if beside.empty:
         return f"No results of other methods on {trial.cell.fit.task} are shipped."
-    alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
     fewest = beside.n.min()
     few = f", on the first {fewest} starts" if fewest < len(trial.success) else ""
-    return f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
+    alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
+    said = f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
+    if trial.cell.controller:
+        return said
+    return f"{said}\n{trial.cell.fit.method} sees every state, the others only the first one."
 
 
-def _next_commands(trial: "Trial", out: Path) -> list[str]:
+def _next_commands(trial: "Trial", out: Path) -> str:
     task, method, folder = trial.cell.fit.task, trial.cell.fit.method, shlex.quote(str(out))
-    failures = trial.failures
-    film = (
-        f"bench video {task} --results {folder} --start {(failures or [0])[0]} --methods {method}"
-    )
-    if not failures:
-        return [f"no failures; film: {film}"]
-    return [
-        f"{len(failures)} failures: bench failures {folder} --method {method} --task {task}",
-        f"film of the first: {film}",
-    ]
+    failed = trial.failures
+    film = f"bench video {task} --results {folder} --start {(failed or [0])[0]} --methods {method}"
+    if not failed:
+        return f"none failed; film of one: {film}"
+    shown = f"bench failures {folder} --method {method} --task {task}"
+    return f"{len(failed)} failed: {shown}\nfilm of the first: {film}"

@@ -88,9 +88,10 @@ class Trial:
             found = reference.success(task=self.cell.fit.task, method=method, split="test")
             assert found is not None
             success = found[:, : len(self.success)]
-            name = f"{self.cell.fit.task} test {self.cell.fit.method} {method}"
-            interval = rate_interval(success, name)
-            *points, p = paired_difference(self.success[None, : success.shape[1]], success, name)
+            interval = rate_interval(success, f"{self.cell.fit.task} test {method}")
+            ours = self.success[None, : success.shape[1]]
+            pair = f"{self.cell.fit.task} test {self.cell.fit.method} {method}"
+            *points, p = paired_difference(ours, success, pair)
             per_cent = [100 * float(value) for value in (success.mean(), *interval)]
             rows.append((method, *per_cent, *success.shape, *(100 * x for x in points), p))
         table = pd.DataFrame(rows, columns=[*COLUMNS, *DIFFERENCE])
