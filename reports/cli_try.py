@@ -131,10 +131,11 @@ def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> s
 
 
 def _next_commands(trial: "Trial", out: Path) -> str:
-    task, method, folder = trial.cell.fit.task, trial.cell.fit.method, shlex.quote(str(out))
-    failed = trial.failures
-    film = f"bench video {task} --results {folder} --start {(failed or [0])[0]} --methods {method}"
+    fit, failed, folder = trial.cell.fit, trial.failures, shlex.quote(str(out))
+    start = (failed or [0])[0]
+    film = f"bench video {fit.task} --results {folder} --start {start} --methods {fit.method}"
     if not failed:
         return f"none failed; film of one: {film}"
-    shown = f"bench failures {folder} --method {method} --task {task}"
+    seed = f" --seed {fit.seed}" if fit.seed else ""
+    shown = f"bench failures {folder} --method {fit.method} --task {fit.task}{seed}"
     return f"{len(failed)} failed: {shown}\nfilm of the first: {film}"

@@ -120,9 +120,10 @@ class Trial:
             for what, value in here.items()
             if shipped[what] != [value]
         ]
-        made = {reference.source.facts(one)["versions"]["mujoco"] for one in theirs.folder}
-        if rows and made != {version("mujoco")}:
-            rows.append(("MuJoCo", version("mujoco"), ", ".join(sorted(made))))
+        if rows:
+            made = {reference.source.facts(one)["versions"]["mujoco"] for one in theirs.folder}
+            if made != {version("mujoco")}:
+                rows.append(("MuJoCo", version("mujoco"), ", ".join(sorted(made))))
         return pd.DataFrame(rows, columns=UNLIKE)
 
     def _others(self, reference: Results) -> pd.DataFrame:

@@ -3,15 +3,56 @@
 import json
 import re
 import shlex
+from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from bench.controller import ControllerConfig
+from bench.experiments import cells_of
 from bench.store import Store
 from methods.kodex import Kodex
+from reports.results import Results
+from reports.trial import Trial, study_of
+from tasks.data import generator
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
+
+
+class Shipped(Results):
+    """Methods with one rate each, the harder starts failing first; five seeds of all but KODex."""
+
+    rates = MappingProxyType({"ndp": 0.5, "nn": 0.84, "kodex": 0.8})
+
+    def __init__(self, cell):
+        self.cell = cell
+
+    def main(self, **values):
+        assert values == {"task": "door", "split": "test"}
+        row = asdict(self.cell.fit) | {"controller_key": self.cell.controller.key, "folder": ""}
+        return pd.DataFrame([row | {"method": name} for name in ("expert", *self.rates)])
+
+    def success(self, *, task, method, split):
+        hard = generator("hard").random(1000) * np.ones((1 if method == "kodex" else 5, 1))
+        return hard < self.rates[method]
+
+
+def test_shipped_methods_are_ordered_by_rate_and_compared_start_by_start(task):
+    study = study_of("kodex", "door", 1, 400, {})
+    (cell,) = cells_of(study, {"door": "recipe"})
+    shipped = Shipped(cell)
+    trial = Trial(cell, shipped.success(task="door", method="kodex", split="test")[0, :400])
+    table = trial.beside(shipped)
+    assert list(table.method) == ["nn", "kodex", "ndp"]
+    ahead, same, behind = table.to_dict("records")
+    assert ahead["difference"] == pytest.approx(trial.rate["success"] - ahead["success"])
+    assert ahead["difference_high"] < 0 < behind["difference_low"]
+    assert (same["difference_low"], same["difference_high"], same["p"]) == (0, 0, 1)
+    # Hard starts are common to both, so that pairs say more than two separate intervals do.
+    assert ahead["low"] < trial.rate["high"]
 
 
 def tried(bench, *options):
