@@ -71,6 +71,7 @@ def _as_json(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> 
         "seed": fit.seed,
         **trial.rate,
         "failures": trial.failures,
+        "diverged": trial.diverged,
         "shipped": beside.to_dict("records"),
         "unlike": unlike.to_dict("records"),
     }
@@ -138,4 +139,5 @@ def _next_commands(trial: "Trial", out: Path) -> str:
         return f"none failed; film of one: {film}"
     seed = f" --seed {fit.seed}" if fit.seed else ""
     shown = f"bench failures {folder} --method {fit.method} --task {fit.task}{seed}"
-    return f"{len(failed)} failed: {shown}\nfilm of the first: {film}"
+    diverged = f" ({trial.diverged} diverged)" if trial.diverged else ""
+    return f"{len(failed)} failed{diverged}: {shown}\nfilm of the first: {film}"

@@ -55,6 +55,8 @@ class Trial:
     cell: Cell
     success: BoolArray
     """(N,), from the first N starts of ``test``."""
+    diverged: int = 0
+    """How many of its episodes diverged, as after a prediction that is not finite."""
 
     @property
     def rate(self) -> dict[str, Any]:
@@ -141,4 +143,5 @@ def trial_of(study: Study, folder: Path) -> Trial:
         (cell,) = cells_of(study, recipes_of(study))
         stored = Store(folder).episodes(cell.fit, cell.evaluation)
     assert stored is not None
-    return Trial(cell, stored.success.to_numpy(bool)[: cell.episodes])
+    episodes = stored.iloc[: cell.episodes]
+    return Trial(cell, episodes.success.to_numpy(bool), int(episodes.diverged.sum()))

@@ -141,6 +141,20 @@ def test_nothing_but_the_method_is_evaluated_and_a_second_time_nothing_is(bench,
     assert tried(bench, "--episodes", "4", "--set", "kodex.observables=2")["n"] == 4
 
 
+def test_predictions_that_are_not_finite_are_counted_as_diverged(bench, reference, monkeypatch):
+    reference()
+
+    def rollout(self, start, steps):
+        motion = np.repeat(start[:, None], steps + 1, axis=1)
+        motion[:, 2:] = np.nan
+        return motion
+
+    monkeypatch.setattr(Kodex, "rollout", rollout)
+    found = tried(bench, "--episodes", "4")
+    assert (found["success"], found["diverged"], found["failures"]) == (0, 4, [0, 1, 2, 3])
+    assert "4 failed (4 diverged): " in bench("try", "kodex", "--episodes", "4")[1]
+
+
 def test_a_method_that_fails_is_named_with_task_file_and_line(bench, paper, monkeypatch):
     def fit(self, demos, validation, seed):
         raise ZeroDivisionError("no scale")
