@@ -86,4 +86,6 @@ def new_method(
                 text = source.read_text().replace("{{name}}", name).replace("{{Class}}", class_name)
                 path = temporary / source.name.removesuffix(".txt").replace("NAME", name)
                 path.write_text(text)
-    print(f"wrote {target}: next, pip install -e {target} && bench check {name}")
+    print(
+        f"wrote {target}: next, pip install -e {target} && bench check {name} && bench try {name}"
+    )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +14,11 @@ from bench.options import SOME_FAILED, AsJson, Jobs, number, results_folder
 from bench.studies import study_of
 from tasks.errors import InputError
 from tasks.files import writable_folder
+
+if TYPE_CHECKING:
+    from bench.backend import Workers
+    from bench.driver import Outcome
+    from bench.presets import Study
 
 Preset = Annotated[
     str, typer.Argument(help="Name of a preset: smoke, quick or paper. See `bench describe NAME`.")
@@ -32,8 +37,8 @@ Tasks = Annotated[
 Methods = Annotated[
     str | None,
     typer.Option(
-        help="Comma-separated methods, such as kodex,nn; the expert is always evaluated too."
-        " Default: all in the preset."
+        help="Comma-separated methods, such as kodex,nn,expert. Default: all in the preset, and the"
+        " expert."
     ),
 ]
 Sizes = Annotated[
@@ -110,9 +115,6 @@ def run(
     """Run a study: fit methods and evaluate them. Only missing results are computed."""
     from bench.backend import Workers
     from bench.driver import count_jobs
-    from bench.driver import run as run_study
-    from bench.remarks import remarks
-    from bench.store import Store
 
     study = study_of(
         preset,
@@ -130,8 +132,24 @@ def run(
     count = count_jobs(jobs)
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
+    outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
+    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
+    if outcome.failed:
+        raise typer.Exit(SOME_FAILED)
+
+
+def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
+    """Runs a study, see `bench.driver.run`; prints what failed, and how to go on once stopped.
+
+    Raises:
+        typer.Exit: the results could not be written.
+    """
+    from bench.driver import run as run_driver
+    from bench.remarks import remarks
+    from bench.store import Store
+
     try:
-        outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
+        outcome = run_driver(study, out, where)
     except OSError as error:
         print(
             f"bench: {error}; stored results are intact; rerun the same command to resume",
@@ -145,9 +163,7 @@ def run(
         print(f"note: {remark}", file=sys.stderr)
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
-    if outcome.failed:
-        raise typer.Exit(SOME_FAILED)
+    return outcome
 
 
 def time(

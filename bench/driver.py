@@ -78,7 +78,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     largest = None if guests(study.methods) else cells_of(study, recipes)
     with _running(folder, where) as runner:
         study = runner.admitted(study)
-        if not study.methods:
+        if not study.methods and not study.expert:
             return runner.outcome([])
         runner.store.check(cells_of(study, recipes) if largest is None else largest)
         compared = first_wave(study, recipes)

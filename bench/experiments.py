@@ -278,11 +278,12 @@ def _cells_of(study: Study, recipes: Recipes, chosen: Sizes) -> list[Cell]:
 def _chosen_fits(
     study: Study, recipes: Recipes, chosen: Sizes, demos: int | None = None
 ) -> list[Fit]:
-    """The expert, and each method at its size, for each task."""
+    """The expert, if the study evaluates it, and each method at its size, for each task."""
     fits = []
     for task in study.tasks:
-        own = demos_key(get_task(task))
-        fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, own))
+        if study.expert:
+            own = demos_key(get_task(task))
+            fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, own))
         for name in study.methods:
             size = _size(study, get_method(name), task, chosen)
             fits += _fits(study, task, name, size, recipes, demos=demos)

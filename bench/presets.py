@@ -18,6 +18,8 @@ class Study:
     """Episodes of each evaluation, by experiment; an experiment that is not named is not run."""
     tasks: tuple[str, ...] = TASKS
     methods: tuple[str, ...] = SUITE
+    expert: bool = True
+    """Whether the expert is evaluated too."""
     sizes: tuple[str, ...] | None = None
     """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method.
     Of a method that has none of them all are compared."""

@@ -23,7 +23,7 @@ class Options(TypedDict, total=False):
     experiments: Names | None
     tasks: Names | None
     methods: Names | None
-    """The expert is always evaluated too."""
+    """The expert is evaluated where it is named, or no methods are."""
     sizes: Names | None
     """Model sizes to compare."""
     variants: Names | None
@@ -93,13 +93,13 @@ def _tasks(study: Study, names: Names) -> Study:
 
 
 def _methods(study: Study, names: Names) -> Study:
+    from bench.spec import EXPERT
     from methods.registry import method_names, unusable
 
-    text = _text(names)
-    if "expert" in parsing.names("--methods", text):
-        raise InputError("the expert is evaluated in every run: leave it out of --methods")
-    known = dict.fromkeys([*method_names(), *unusable()])
-    return replace(study, methods=parsing.known_names("--methods", "method", text, known))
+    known = dict.fromkeys([EXPERT, *method_names(), *unusable()])
+    chosen = parsing.known_names("--methods", "method", _text(names), known)
+    methods = tuple(name for name in chosen if name != EXPERT)
+    return replace(study, methods=methods, expert=EXPERT in chosen)
 
 
 def _sizes(study: Study, names: Names) -> Study:

@@ -19,7 +19,10 @@ os.environ["MUJOCO_GL"] = renderer() or ""
 from bench import driver
 from bench.backend import Workers
 from bench.cli import main
+from bench.controller import ControllerConfig
 from bench.presets import PRESETS
+from bench.store import Store
+from reports.reference import pack
 from tasks import demos, experts
 from tasks.data import FloatArray, generator
 from tasks.registry import TASKS, get_task
@@ -156,6 +159,42 @@ def smoke(shipped, monkeypatch):
     """The preset for KODex, with as few demonstrations as a shipped random expert has."""
     monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6, methods=("kodex",)))
     monkeypatch.setattr(driver, "TRAINING", 6)
+
+
+@pytest.fixture
+def paper(shipped, monkeypatch, tmp_path):
+    """The preset with few demonstrations and episodes; the current folder is empty."""
+    preset = PRESETS["paper"]
+    episodes = dict.fromkeys(preset.episodes, 12)
+    short = replace(preset, episodes=episodes, demos=6, controller=ControllerConfig(epochs=5))
+    monkeypatch.setitem(PRESETS, "paper", short)
+    monkeypatch.setattr(driver, "TRAINING", 6)
+    monkeypatch.chdir(tmp_path)
+    return short
+
+
+@pytest.fixture
+def reference(paper, task, monkeypatch, tmp_path):
+    """Ships KODex and two seeds of NN, run as the preset says but for what is given."""
+
+    def run_and_ship(**changes):
+        study = replace(
+            paper,
+            tasks=(task.name,),
+            methods=("kodex", "nn"),
+            sizes=("small",),
+            seeds=(1, 2),
+            settings={("nn", "epochs"): 1},
+            episodes={"success": 12},
+        )
+        theirs = tmp_path / "theirs"
+        ran = driver.run(replace(study, **changes), theirs, Workers(1, "sequential"))
+        assert ran.failed == ()
+        pack([theirs], tmp_path / "small")
+        monkeypatch.setattr("bench.packed.SHIPPED", tmp_path / "small")
+        return Store(theirs)
+
+    return run_and_ship
 
 
 def ship(task, folder):

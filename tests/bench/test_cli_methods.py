@@ -13,50 +13,89 @@ import pandas as pd
 import pytest
 
 from methods import registry
+from methods.checks import RULES
 
 ROOT = Path(__file__).parents[2]
 
 
-def tutorial(number):
-    """Returns the commands of the tutorial's block of that number, as words."""
-    page = (ROOT / "docs/add_a_method.md").read_text()
-    return [
-        line.split() for line in re.findall(r"```sh\n(.*?)```", page, re.S)[number].splitlines()
-    ]
+PAGE = (ROOT / "docs/add_a_method.md").read_text()
+PIP = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
 
 
-@pytest.mark.parametrize("task", ["door"], indirect=True)
-@pytest.mark.parametrize(("number", "name"), [(0, "mine"), (1, "bc")])
-def test_the_tutorial_leads_from_nothing_to_a_row_in_the_table(
-    number, name, task, smoke, bench, tmp_path, monkeypatch
-):
+def fenced(kind, *sections):
+    """Returns the blocks of a kind, such as sh, in sections of the tutorial."""
+    parts = re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S)
+    text = "".join(part for title, part in parts if title in sections)
+    return [block for name, block in re.findall(r"```(\w*)\n(.*?)```", text, re.S) if name == kind]
+
+
+def shapes(text):
+    """Returns the lines of a text without the values of their numbers."""
+    return [" ".join(re.sub(r"[-+]?\d+(\.\d+)?", "#", line).split()) for line in text.splitlines()]
+
+
+@pytest.fixture
+def follow(reference, bench, tmp_path, monkeypatch):
+    """Does what the shell blocks of sections say; returns what was printed."""
+    reference(episodes={"success": 200})
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     site = tmp_path / "site"
-    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BENCH_JOBS", "1")
     monkeypatch.syspath_prepend(str(site))
-    try:
-        for command, *words in tutorial(number):
+    known = set(sys.modules)
+
+    def install(package):
+        copy = shutil.copytree(package, tmp_path / "packages" / Path(package).name)
+        subprocess.run([*PIP, "--target", str(site), str(copy)], check=True)
+        importlib.invalidate_caches()
+        registry.get_method.cache_clear()
+
+    def run(*sections):
+        printed = ""
+        for line in "".join(fenced("sh", *sections)).splitlines():
+            command, *words = line.split()
             if command == "pip":
-                package = shutil.copytree(words[-1], tmp_path / "package")
-                subprocess.run([*pip, "--target", str(site), str(package)], check=True)
-                importlib.invalidate_caches()
-                registry.get_method.cache_clear()
+                install(words[-1])
             else:
                 code, said, error = bench(*words)
                 assert code == 0, said + error
-        assert name in bench("list")[1]
-        table = pd.read_csv(f"results/{name}/report/tables/unseen.csv")
-        assert set(table.row) == {"expert", "kodex", name}
-    finally:
-        registry.get_method.cache_clear()
-        sys.modules.pop(name, None)
+                printed += said
+        return printed
+
+    yield run
+    registry.get_method.cache_clear()
+    for name in {"knn", "bc"} & (set(sys.modules) - known):
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_tutorial_leads_from_nothing_to_a_number_and_to_the_tables(task, follow):
+    said = shapes(follow("From nothing to a number"))
+    (shown,) = fenced("", "From nothing to a number")
+    first = said.index(shapes(shown)[0])
+    assert len(said[first:]) > 5
+    assert set(said[first:]) <= set(shapes(shown))
+    follow("From a number to the tables")
+    table = pd.read_csv("results/knn/report/tables/unseen.csv")
+    assert set(table.row) == {"expert", "kodex", "nn", "knn"}
+    (code,) = fenced("python", "In a test of your own")
+    written = {}
+    exec(compile(code, "add_a_method.md", "exec"), written)
+    for rule in RULES:
+        written["test_it_keeps_the_contract"](rule)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_closed_loop_method_is_tried_as_the_tutorial_shows(task, follow):
+    said = follow("A closed-loop method")
+    (shown,) = fenced("", "A closed-loop method")
+    assert set(shapes(said)) <= set(shapes(shown))
+    assert "bc sees every state" in said
 
 
 def test_new_method_says_what_to_do_next(bench, tmp_path):
     _, said, _ = bench("new-method", "mine", "--folder", str(tmp_path))
-    assert f"pip install -e {tmp_path / 'mine'} && bench check mine" in said
+    assert f"pip install -e {tmp_path / 'mine'} && bench check mine && bench try mine" in said
 
 
 @pytest.mark.parametrize(

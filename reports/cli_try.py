@@ -1,0 +1,152 @@
+"""`bench try`: one method on one task, beside the shipped methods."""
+
+import json
+import shlex
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bench import parsing
+from bench.cli_run import Settings, run_study
+from bench.options import SOME_FAILED, AsJson, number
+from bench.studies import study_of
+from tasks.registry import TASKS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from reports.trial import Trial
+
+
+def try_method(
+    method: Annotated[str, typer.Argument(help="Name of a method, such as nn; see `bench list`.")],
+    task: Annotated[str, typer.Option(help="Name of a task, such as tool.")] = "door",
+    seed: Annotated[int, number(1, "Seed of the method's random numbers.")] = 1,
+    episodes: Annotated[int, number(1, "Episodes, one from each of the first test starts.")] = 200,
+    settings: Settings = None,
+    out: Annotated[
+        Path, typer.Option(help="Results folder. Rerun the same command to resume.")
+    ] = Path("results/try"),
+    as_json: AsJson = False,
+) -> None:
+    """Fit a method on one task and print its success beside the shipped methods.
+
+    It learns from 200 demonstrations, at its default size. Exit code 3 if it fails.
+    """
+    from bench.backend import Workers
+    from methods.registry import method_names, unusable
+
+    known = dict.fromkeys([*method_names(), *unusable()])
+    (chosen,) = parsing.known_names("METHOD", "method", method, known)
+    (place,) = parsing.known_names("--task", "task", task, TASKS)
+    from reports.trial import trial_of
+
+    began = perf_counter()
+    study = study_of(
+        "paper",
+        experiments="success",
+        tasks=place,
+        methods=chosen,
+        seeds=(seed,),
+        episodes=episodes,
+        settings=settings,
+    )
+    if run_study(study, out, Workers(1)).failed:
+        raise typer.Exit(SOME_FAILED)
+    trial = trial_of(study, out)
+    seconds = perf_counter() - began
+    from bench.packed import shipped
+    from reports.results import Results
+
+    reference = Results(shipped())
+    beside, unlike = trial.beside(reference), trial.unlike(reference)
+    if as_json:
+        print(json.dumps(_as_json(trial, beside, unlike) | {"seconds": seconds}))
+        return
+    print(_heading(trial).ljust(80) + f"{seconds:6.0f} s")
+    print(_table(trial, beside))
+    print(_remark(trial, beside, unlike))
+    print(_next_commands(trial, out))
+
+
+def _as_json(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> dict[str, Any]:
+    fit = trial.cell.fit
+    return {
+        "task": fit.task,
+        "size": fit.size,
+        "demos": fit.demos,
+        "seed": fit.seed,
+        **trial.rate,
+        "failures": trial.failures,
+        "diverged": trial.diverged,
+        "shipped": beside.to_dict("records"),
+        "unlike": unlike.to_dict("records"),
+    }
+
+
+def _heading(trial: "Trial") -> str:
+    fit = trial.cell.fit
+    seed = [f"seed {fit.seed}"] if fit.seed else []
+    name = fit.method if fit.size == "single" else f"{fit.method} {fit.size}"
+    starts = f"first {len(trial.success)} starts of test"
+    return " · ".join([f"{name} on {fit.task}", f"{fit.demos} demos", *seed, starts])
+
+
+def _table(trial: "Trial", beside: "pd.DataFrame") -> str:
+    import pandas as pd
+
+    from reports.style import display
+
+    name = trial.cell.fit.method
+    others = {
+        "": beside.method.map(display),
+        "success [%]": [_rate(row) for row in beside.to_dict("records")],
+        "seeds": beside.seeds.astype(str),
+        f"{name} minus it": [_difference(row) for row in beside.to_dict("records")],
+    }
+    tried = pd.DataFrame({"": [name], "success [%]": [_rate(trial.rate)]})
+    table = pd.concat([tried, pd.DataFrame(others)]).fillna("") if len(beside) else tried
+    return _indented(table)
+
+
+def _indented(table: "pd.DataFrame") -> str:
+    text: str = table.to_markdown(index=False, tablefmt="plain", disable_numparse=True)
+    return "\n".join(f"  {line}" for line in text.splitlines())
+
+
+def _rate(row: dict[str, Any]) -> str:
+    return "{success:5.1f} [{low:.1f}, {high:.1f}]".format(**row)
+
+
+def _difference(row: dict[str, Any]) -> str:
+    return "{difference:+6.1f} [{difference_low:.1f}, {difference_high:.1f}]".format(**row)
+
+
+def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> str:
+    """Whether the shipped methods can be laid beside it."""
+    if len(unlike):
+        heading = "The shipped methods were run otherwise and are left out:"
+        return f"{heading}\n{_indented(unlike)}"
+    if beside.empty:
+        return f"No results of other methods on {trial.cell.fit.task} are shipped."
+    fewest = beside.n.min()
+    few = f", on the first {fewest} starts" if fewest < len(trial.success) else ""
+    alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
+    said = f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
+    if trial.cell.controller:
+        return said
+    return f"{said}\n{trial.cell.fit.method} sees every state, the others only the first one."
+
+
+def _next_commands(trial: "Trial", out: Path) -> str:
+    fit, failed, folder = trial.cell.fit, trial.failures, shlex.quote(str(out))
+    start = (failed or [0])[0]
+    film = f"bench video {fit.task} --results {folder} --start {start} --methods {fit.method}"
+    if not failed:
+        return f"none failed; film of one: {film}"
+    seed = f" --seed {fit.seed}" if fit.seed else ""
+    shown = f"bench failures {folder} --method {fit.method} --task {fit.task}{seed}"
+    diverged = f" ({trial.diverged} diverged)" if trial.diverged else ""
+    return f"{len(failed)} failed{diverged}: {shown}\nfilm of the first: {film}"

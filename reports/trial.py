@@ -1,0 +1,123 @@
+"""One method on one task, beside the shipped methods from the same starts: `bench try`."""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bench.checking import known
+from bench.experiments import cells_of, recipes_of
+from bench.intervals import wilson
+from bench.presets import Study
+from bench.spec import EXPERT, Cell
+from bench.store import KEY_DIGITS, Store
+from methods.registry import SUITE, introduced
+from reports.results import Results
+from reports.stats import paired_difference, rate_interval
+from tasks.data import BoolArray
+
+COLUMNS = ("method", "success", "low", "high", "seeds", "n")
+UNLIKE = ("setting", "here", "shipped")
+DIFFERENCE = ("difference", "difference_low", "difference_high", "p")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of one method on one task."""
+
+    cell: Cell
+    success: BoolArray
+    """(N,), from the first N starts of ``test``."""
+    diverged: int = 0
+    """How many of its episodes diverged, as after a prediction that is not finite."""
+
+    @property
+    def rate(self) -> dict[str, Any]:
+        """Success in per cent with its 95% Wilson interval, as a row with `COLUMNS`."""
+        low, high = wilson(int(self.success.sum()), len(self.success))
+        values = (100 * float(self.success.mean()), 100 * low, 100 * high, 1, len(self.success))
+        return dict(zip(COLUMNS, (self.cell.fit.method, *values), strict=True))
+
+    @property
+    def failures(self) -> list[int]:
+        """The starts from which the method failed."""
+        return [int(start) for start in np.flatnonzero(~self.success)]
+
+    def beside(self, reference: Results) -> pd.DataFrame:
+        """Returns one row for each shipped method, on the starts of the trial, best rate first.
+
+        Where a shipped method has met fewer starts than the trial, those count for its row. There
+        are no rows where `unlike` has some, since those methods cannot be compared.
+
+        Args:
+            reference: the shipped results.
+
+        Returns:
+            The columns of `Trial.rate`, and ``difference``, the trial's success minus the shipped
+            method's on the same starts, in points, with its 95% interval ``difference_low`` to
+            ``difference_high`` and ``p``, see `reports.stats.paired_difference`.
+        """
+        theirs = self._others(reference)
+        rows = []
+        for method in theirs.method.unique() if self.unlike(reference).empty else ():
+            found = reference.success(task=self.cell.fit.task, method=method, split="test")
+            assert found is not None
+            success = found[:, : len(self.success)]
+            interval = rate_interval(success, f"{self.cell.fit.task} test {method}")
+            ours = self.success[None, : success.shape[1]]
+            pair = f"{self.cell.fit.task} test {self.cell.fit.method} {method}"
+            *points, p = paired_difference(ours, success, pair)
+            per_cent = [100 * float(value) for value in (success.mean(), *interval)]
+            rows.append((method, *per_cent, *success.shape, *(100 * x for x in points), p))
+        table = pd.DataFrame(rows, columns=[*COLUMNS, *DIFFERENCE])
+        return table.sort_values("success", ascending=False, kind="stable", ignore_index=True)
+
+    def unlike(self, reference: Results) -> pd.DataFrame:
+        """Returns what the shipped methods were run with otherwise than the trial.
+
+        The key of the demonstrations stands for the task, its version and model, the expert and
+        MuJoCo; the key of the controller for its training and the demonstrations.
+
+        Returns:
+            Columns ``setting``, ``here`` and ``shipped``, as texts; no rows where all is alike.
+        """
+        theirs = self._others(reference)
+        if theirs.empty:
+            return pd.DataFrame(columns=UNLIKE)
+        fit, controller = self.cell.fit, self.cell.controller
+        here = {"number of demonstrations": str(fit.demos), "demonstrations": fit.recipe}
+        names = {"number of demonstrations": "demos", "demonstrations": "recipe"}
+        if controller:
+            here["controller"], names["controller"] = controller.key, "controller_key"
+        shipped = {what: sorted(set(theirs[name].astype(str))) for what, name in names.items()}
+        rows = [
+            (what, value[:KEY_DIGITS], ", ".join(one[:KEY_DIGITS] for one in shipped[what]))
+            for what, value in here.items()
+            if shipped[what] != [value]
+        ]
+        if rows:
+            made = {reference.source.facts(one)["versions"]["mujoco"] for one in theirs.folder}
+            if made != {version("mujoco")}:
+                rows.append(("MuJoCo", version("mujoco"), ", ".join(sorted(made))))
+        return pd.DataFrame(rows, columns=UNLIKE)
+
+    def _others(self, reference: Results) -> pd.DataFrame:
+        """The shipped evaluations of methods on the task, from ``test``."""
+        found = reference.main(task=self.cell.fit.task, split="test")
+        return found[found.method != EXPERT]
+
+
+def trial_of(study: Study, folder: Path) -> Trial:
+    """Returns the stored trial of a study of one method on one task, once it has been run."""
+    (name,) = study.methods
+    with introduced() as introduce:
+        if name not in SUITE:
+            introduce(known(name))
+        (cell,) = cells_of(study, recipes_of(study))
+        stored = Store(folder).episodes(cell.fit, cell.evaluation)
+    assert stored is not None
+    episodes = stored.iloc[: cell.episodes]
+    return Trial(cell, episodes.success.to_numpy(bool), int(episodes.diverged.sum()))

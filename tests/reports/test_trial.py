@@ -1,0 +1,185 @@
+"""`bench try`, on a small random expert, beside results that are shipped for it."""
+
+import json
+import re
+import shlex
+from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.controller import ControllerConfig
+from bench.experiments import cells_of
+from bench.store import Store
+from bench.studies import study_of
+from methods.kodex import Kodex
+from reports.results import Results
+from reports.trial import Trial
+from tasks.data import generator
+
+pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
+
+
+class Shipped(Results):
+    """Methods with one rate each, the harder starts failing first; five seeds of all but KODex."""
+
+    rates = MappingProxyType({"ndp": 0.5, "nn": 0.84, "kodex": 0.8})
+
+    def __init__(self, cell):
+        self.cell = cell
+
+    def main(self, **values):
+        assert values == {"task": "door", "split": "test"}
+        row = asdict(self.cell.fit) | {"controller_key": self.cell.controller.key, "folder": ""}
+        return pd.DataFrame([row | {"method": name} for name in ("expert", *self.rates)])
+
+    def success(self, *, task, method, split):
+        hard = generator("hard").random(1000) * np.ones((1 if method == "kodex" else 5, 1))
+        return hard < self.rates[method]
+
+
+def test_shipped_methods_are_ordered_by_rate_and_compared_start_by_start(task):
+    study = study_of(
+        "paper", experiments="success", methods="kodex", tasks="door", seeds=(1,), episodes=400
+    )
+    (cell,) = cells_of(study, {"door": "recipe"})
+    shipped = Shipped(cell)
+    trial = Trial(cell, shipped.success(task="door", method="kodex", split="test")[0, :400])
+    table = trial.beside(shipped)
+    assert list(table.method) == ["nn", "kodex", "ndp"]
+    ahead, same, behind = table.to_dict("records")
+    assert ahead["difference"] == pytest.approx(trial.rate["success"] - ahead["success"])
+    assert ahead["difference_high"] < 0 < behind["difference_low"]
+    assert (same["difference_low"], same["difference_high"], same["p"]) == (0, 0, 1)
+    # Hard starts are common to both, so that pairs say more than two separate intervals do.
+    assert ahead["low"] < trial.rate["high"]
+
+
+def tried(bench, *options):
+    code, said, _ = bench("try", "kodex", *options, "--json")
+    assert code == 0
+    return json.loads(said)
+
+
+def test_shipped_methods_count_on_the_starts_of_the_trial(bench, reference):
+    theirs = reference()
+    found = tried(bench, "--episodes", "7")
+    assert (found["method"], found["task"], found["demos"], found["n"]) == ("kodex", "door", 6, 7)
+    rows = {row["method"]: row for row in found["shipped"]}
+    assert set(rows) == {"kodex", "nn"}
+    stored = theirs.frame().query("method == 'nn'").to_dict("records")
+    rates = [theirs.outcomes(row).success[:7].mean() for row in stored]
+    assert rows["nn"]["success"] == pytest.approx(100 * sum(rates) / 2)
+    assert (rows["nn"]["seeds"], rows["nn"]["n"]) == (2, 7)
+    assert rows["kodex"]["success"] == found["success"]
+    assert (rows["kodex"]["difference"], rows["kodex"]["p"]) == (0, 1)
+    rates = [row["success"] for row in found["shipped"]]
+    assert rates == sorted(rates, reverse=True)
+
+
+def test_of_fewer_shipped_starts_the_difference_is_on_those_that_both_have_met(bench, reference):
+    reference(episodes={"success": 5})
+    found = tried(bench, "--episodes", "8")
+    (row,) = (row for row in found["shipped"] if row["method"] == "kodex")
+    assert (found["n"], row["n"], row["difference"]) == (8, 5, 0)
+    assert "starts, on the first 5 starts" in bench("try", "kodex", "--episodes", "8")[1]
+
+
+def test_the_text_shows_the_rates_and_commands_for_the_failures(bench, reference):
+    reference()
+    numbers = tried(bench, "--episodes", "7", "--out", "my results")
+    code, said, _ = bench("try", "kodex", "--episodes", "7", "--out", "my results")
+    assert code == 0
+    assert re.match(r"kodex on door · 6 demos · first 7 starts of test +\d+ s\n", said)
+    assert "{success:.1f} [{low:.1f}, {high:.1f}]".format(**numbers) in said
+    assert re.search(r"^  NN +\d", said, re.M)
+    assert "same demos, controller and starts." in said
+    first = numbers["failures"][0]
+    assert "bench failures 'my results' --method kodex --task door\n" in said
+    assert said.endswith(f"--results 'my results' --start {first} --methods kodex\n")
+    film = shlex.split(said.splitlines()[-1].partition("bench ")[2])
+    known = bench(film[0], "--help")[1]
+    assert [word for word in film if word.startswith("--") and word not in known] == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"demos": 5}, {"number of demonstrations", "controller"}),
+        ({"controller": ControllerConfig(epochs=6)}, {"controller"}),
+    ],
+)
+def test_methods_that_were_run_otherwise_are_left_out_and_what_differs_is_named(
+    bench, reference, changes, named
+):
+    reference(**changes)
+    found = tried(bench, "--episodes", "4")
+    assert found["shipped"] == []
+    assert {row["setting"] for row in found["unlike"]} == named
+    said = bench("try", "kodex", "--episodes", "4")[1]
+    assert "The shipped methods were run otherwise and are left out" in said
+    assert "NN" not in said
+
+
+def test_other_demonstrations_and_another_mujoco_are_named(bench, paper, monkeypatch):
+    monkeypatch.setattr("reports.trial.version", lambda package: "3.0")
+    found = tried(bench, "--episodes", "4")
+    assert found["shipped"] == []
+    rows = {row["setting"]: (row["here"], row["shipped"]) for row in found["unlike"]}
+    assert set(rows) == {"number of demonstrations", "demonstrations", "controller", "MuJoCo"}
+    assert rows["number of demonstrations"] == ("6", "200")
+    assert rows["MuJoCo"][0] == "3.0"
+
+
+def test_nothing_but_the_method_is_evaluated_and_a_second_time_nothing_is(bench, reference):
+    reference()
+    first, again = (tried(bench, "--episodes", "4") for _ in range(2))
+    assert first | {"seconds": 0} == again | {"seconds": 0}
+    frame = Store(Path("results/try")).frame()
+    assert list(zip(frame.method, frame.episodes, strict=True)) == [("kodex", 4)]
+    assert frame.config[0]["observables"] == 3
+    assert tried(bench, "--episodes", "4", "--set", "kodex.observables=2")["n"] == 4
+
+
+def test_predictions_that_are_not_finite_are_counted_as_diverged(bench, reference, monkeypatch):
+    reference()
+
+    def rollout(self, start, steps):
+        motion = np.repeat(start[:, None], steps + 1, axis=1)
+        motion[:, 2:] = np.nan
+        return motion
+
+    monkeypatch.setattr(Kodex, "rollout", rollout)
+    found = tried(bench, "--episodes", "4")
+    assert (found["success"], found["diverged"], found["failures"]) == (0, 4, [0, 1, 2, 3])
+    assert "4 failed (4 diverged): " in bench("try", "kodex", "--episodes", "4")[1]
+
+
+def test_a_method_that_fails_is_named_with_task_file_and_line(bench, paper, monkeypatch):
+    def fit(self, demos, validation, seed):
+        raise ZeroDivisionError("no scale")
+
+    monkeypatch.setattr(Kodex, "fit", fit)
+    code, said, error = bench("try", "kodex")
+    assert (code, said) == (3, "")
+    assert re.search(r"door-kodex.*ZeroDivisionError: no scale \(.*test_trial\.py:\d+", error), (
+        error
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (("kodx",), "did you mean 'kodex'"),
+        (("kodex", "--task", "dor"), "did you mean 'door'"),
+        (("kodex", "--set", "nn.epochs=1"), "nn is not among the methods of the run"),
+        (("kodex", "--seed", "0"), "must be a whole number from 1"),
+    ],
+)
+def test_what_does_not_exist_is_refused(bench, paper, words, answer):
+    code, said, error = bench("try", *words)
+    assert (code, said) == (2, "")
+    assert answer in re.sub(r"[\s│]+", " ", error)
