@@ -23,11 +23,12 @@ from bench.admission import admissions, guests, introductions
 from bench.backend import IN_THIS_PROCESS, Call, Interrupts, Workers, answers, workers
 from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
 from bench.isolation import Failure
-from bench.jobs import Piece, controller_job, evaluation_job, fit_job
+from bench.jobs import Fitted, Piece, controller_job, evaluation_job, fit_job
 from bench.presets import Study
 from bench.progress import Cost, Progress
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store, folder_name
+from bench.trained import keep, trained
 from methods.base import Method
 from methods.description import stand_in
 from methods.registry import introduced
@@ -90,8 +91,8 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
-    """Computes and stores what is missing of some cells, see `run`."""
-    with _running(folder, where) as runner:
+    """Computes and stores what is missing of some cells, see `run`; trains their controllers."""
+    with _running(folder, where, reuse=False) as runner:
         names = guests(
             dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
         )
@@ -102,7 +103,7 @@ def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
 
 
 @contextmanager
-def _running(folder: Path, where: Workers) -> "Iterator[_Runner]":
+def _running(folder: Path, where: Workers, reuse: bool = True) -> "Iterator[_Runner]":
     store = Store(folder)
     with (
         store.locked(),
@@ -111,7 +112,7 @@ def _running(folder: Path, where: Workers) -> "Iterator[_Runner]":
         Interrupts() as interrupts,
         introduced() as introduce,
     ):
-        yield _Runner(store, where, progress, interrupts, introduce)
+        yield _Runner(store, where, progress, interrupts, introduce, reuse)
 
 
 def count_jobs(jobs: int | None = None) -> int:
@@ -147,8 +148,9 @@ class _Runner:
         progress: Progress,
         interrupts: Interrupts,
         introduce: Callable[[type[Method]], None],
+        reuse: bool,
     ) -> None:
-        self.store, self.where, self.introduce = store, where, introduce
+        self.store, self.where, self.introduce, self.reuse = store, where, introduce, reuse
         self.progress, self.interrupts = progress, interrupts
         self.done = 0
         self.failed: dict[str, str] = {}
@@ -196,15 +198,23 @@ class _Runner:
     def _controllers(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.controller.key: cell.controller for cell in cells if cell.controller}
         missing = [spec for spec in wanted.values() if not self.store.has_controller(spec)]
+        found = {spec: trained(spec) for spec in missing} if self.reuse else {}
+        for spec, controller in found.items():
+            if controller:
+                self.store.add_controller(spec, controller.weights, controller.facts)
         self._dispatch(
             "controllers",
             controller_job,
-            [[spec] for spec in missing],
+            [[spec] for spec in missing if not found.get(spec)],
             lambda specs: (specs[0], controller_demos(specs[0])),
-            lambda spec, made: self.store.add_controller(
-                spec, made.parameters, _facts(made.seconds)
-            ),
+            self._add_controller,
         )
+
+    def _add_controller(self, spec: ControllerSpec, made: Fitted) -> None:
+        facts = _facts(made.seconds)
+        self.store.add_controller(spec, made.parameters, facts)
+        if self.reuse:
+            keep(spec, made.parameters, facts)
 
     def _fits(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.fit.key: cell.fit for cell in cells}

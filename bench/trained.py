@@ -1,0 +1,75 @@
+"""Trained controllers at hand: those shipped with the package, and those in the cache.
+
+A controller takes minutes to train, and every method of a task needs it. Two files hold one: its
+weights, and a card with its key, the SHA-256 of the weights, and when and where it was trained.
+"""
+
+import hashlib
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.spec import ControllerSpec
+from bench.store import folder_name
+from tasks.demos import cache_folder, writable_cache
+from tasks.errors import InputError
+from tasks.files import whole_file
+
+SHIPPED = Path(__file__).with_name("controllers")
+_CACHE = "controllers"
+
+
+@dataclass(frozen=True)
+class TrainedController:
+    """A controller that needs no training."""
+
+    weights: bytes
+    facts: Mapping[str, Any]
+    """When and where it was trained, and how long that took."""
+
+
+def trained(spec: ControllerSpec) -> TrainedController | None:
+    """Returns the controller if it is shipped or in the cache, and sound."""
+    for folder in (SHIPPED, cache_folder() / _CACHE):
+        found = _read(folder / f"{_name(spec)}.json", spec.key)
+        if found:
+            return found
+    return None
+
+
+def keep(spec: ControllerSpec, weights: bytes, facts: Mapping[str, Any]) -> None:
+    """Puts a controller into the cache; says on stderr if the cache cannot be written to."""
+    try:
+        folder = writable_cache(_CACHE)
+    except InputError as error:
+        print(f"bench: the controller {spec.label} is not kept: {error}", file=sys.stderr)
+    else:
+        write(folder, spec, weights, facts)
+
+
+def write(folder: Path, spec: ControllerSpec, weights: bytes, facts: Mapping[str, Any]) -> None:
+    """Writes the two files of a controller."""
+    digest = hashlib.sha256(weights).hexdigest()
+    card = {"key": spec.key, "weights_sha256": digest, "facts": facts}
+    path = folder / f"{_name(spec)}.json"
+    with whole_file(path.with_suffix(".safetensors")) as data, whole_file(path) as text:
+        data.write_bytes(weights)
+        text.write_text(json.dumps(card, indent=1) + "\n")
+
+
+def _name(spec: ControllerSpec) -> str:
+    return folder_name(spec.label, spec.key)
+
+
+def _read(path: Path, key: str) -> TrainedController | None:
+    """The controller of a card, or None if it is not there or not what was written."""
+    try:
+        card = json.loads(path.read_bytes())
+        weights = path.with_suffix(".safetensors").read_bytes()
+        sound = (card["key"], card["weights_sha256"]) == (key, hashlib.sha256(weights).hexdigest())
+        return TrainedController(weights, dict(card["facts"])) if sound else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
