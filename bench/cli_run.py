@@ -111,6 +111,7 @@ def run(
 ) -> None:
     """Run a study: fit methods and evaluate them. Only missing results are computed."""
     from bench.backend import Workers
+    from bench.doing import doing
     from bench.driver import count_jobs
     from bench.driver import run as run_study
 
@@ -122,7 +123,8 @@ def run(
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
     try:
-        outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
+        with doing("looking for what is missing"):
+            outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
     except OSError as error:
         print(
             f"bench: {error}; stored results are intact; rerun the same command to resume",
@@ -143,9 +145,11 @@ def time(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
 ) -> None:
     """Measure the CPU time of stored fits, one at a time. Keep the machine otherwise idle."""
+    from bench.doing import doing
     from bench.timing import time_fits
 
-    timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
+    with doing("looking for fits to time"):
+        timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
     print(f"{timed} fits timed in {folder}")
 
 
@@ -166,10 +170,12 @@ def plan(
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate time, memory and disk of a study on this machine, after a calibration of minutes.
+    """Estimate time, memory and disk of a study on this machine.
 
-    Takes the options of `bench run`.
+    Takes the options of `bench run`. How fast the machine is, is measured once, in seconds; a
+    method of a package is tried each time.
     """
+    from bench.doing import doing
     from bench.driver import count_jobs
     from bench.plan import make_plan
 
@@ -178,7 +184,8 @@ def plan(
     )
     writable_folder(out)
     count = count_jobs(jobs)
-    made = make_plan(study, out, count)
+    with doing("listing what is missing"):
+        made = make_plan(study, out, count)
     if as_json:
         print(json.dumps(asdict(made)))
     else:

@@ -11,7 +11,7 @@ from typing import Any
 
 from bench.costs import Cost
 
-PRIOR = 0.02
+PRIOR = 0.005
 """Share of a run's expected work by which the factor before any job has ended is believed."""
 OVERDUE = 0.05
 """What a job that takes longer than expected still takes, as a share of its time so far."""

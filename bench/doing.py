@@ -90,6 +90,12 @@ def doing(what: str) -> Iterator[None]:
         present.end()
 
 
+def hush() -> None:
+    """Says no more in this context, since something else shows how far it is."""
+    if _PRESENT:
+        _PRESENT[-1].end()
+
+
 def say(what: str) -> None:
     """Tells what the command does now, if it is one that says so."""
     if _PRESENT:

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from bench.clock import Clock, counted, headline, running
 from bench.costs import Cost
+from bench.doing import hush
 from bench.run_state import StateFile
 
 EVERY = 30.0
@@ -75,6 +76,7 @@ class Progress:
             self._news = True
         if not self._begun:
             self._begun = True
+            hush()
             self._say()
             self._keep()
             self._ticking.start()

@@ -6,6 +6,7 @@ from itertools import combinations
 import pandas as pd
 from scipy.stats import false_discovery_control
 
+from bench.doing import say
 from reports.results import Results
 from reports.stats import paired_difference
 from reports.style import TASKS
@@ -34,6 +35,7 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     rows = []
     for task in TASKS:
         for split in SPLITS:
+            say(f"comparing {', '.join(methods)} on {task}, {split}")
             found = {m: _success(results, m, task, split) for m in dict.fromkeys(methods)}
             outcomes = {m: success for m, success in found.items() if success is not None}
             rows += [

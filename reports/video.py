@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from bench.checking import known
+from bench.doing import say
 from bench.driver import learnt
 from bench.jobs import make_policy
 from bench.rollout import TrackedMotion
@@ -94,12 +95,14 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
 
     task = get_task(task_name)
     starts = task.sample("test", start + 1)[start:]
+    say(f"simulating start {start} of {task_name}")
     takes = [take(folder, task, method, starts) for method in methods]
     size = (SIZE * len(takes), SIZE + BAR)
     with whole_file(path) as temporary:
         writer = imageio_ffmpeg.write_frames(str(temporary), size, fps=RATE)
         writer.send(None)
-        for frame in frames(takes):
+        for number, frame in enumerate(frames(takes), 1):
+            say(f"drawing picture {number} of {path.name}")
             writer.send(np.ascontiguousarray(frame))
         writer.close()
 
