@@ -24,6 +24,12 @@ class _Doing:
     def __init__(self, what: str) -> None:
         console = Console(stderr=True)
         self._plain = not console.is_terminal or console.is_dumb_terminal
+        self._what, self._printed = what, ""
+        self._began = self._since = time.monotonic()
+        self._next = self._began + MOMENT
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._ticking = threading.Thread(target=self._tick, daemon=True)
         self._live = Live(
             console=console,
             get_renderable=self._render,
@@ -31,12 +37,6 @@ class _Doing:
             refresh_per_second=2,
             redirect_stdout=sys.stdout.isatty(),  # else it may be JSON, for others to read
         )
-        self._what, self._printed = what, ""
-        self._began = self._since = time.monotonic()
-        self._next = self._began + MOMENT
-        self._lock = threading.Lock()
-        self._ended = threading.Event()
-        self._ticking = threading.Thread(target=self._tick, daemon=True)
 
     def begin(self) -> None:
         self._show()
@@ -52,7 +52,7 @@ class _Doing:
         self._live.stop()
 
     def _tick(self) -> None:
-        while not self._ended.wait(MOMENT / 4):
+        while not self._ended.wait(0.25):
             self._show()
 
     def _show(self) -> None:

@@ -105,11 +105,14 @@ class Progress:
 
     def _tick(self) -> None:
         while not self._ended.wait(1.0):
-            now = self._now()
-            if now - self._said >= EVERY:
-                self._say()
-            if self._news or now - self._saved >= SAVED:
-                self._keep()
+            self._tick_once()
+
+    def _tick_once(self) -> None:
+        now = self._now()
+        if now - self._said >= EVERY:
+            self._say()
+        if self._news or now - self._saved >= SAVED:
+            self._keep()
 
     def _keep(self, ended: bool = False) -> None:
         with self._lock:

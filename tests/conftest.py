@@ -63,6 +63,12 @@ def pytest_terminal_summary(terminalreporter, config):
         terminalreporter.write_line(f"{name} {shown}")
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """On a busy machine too, no command takes so long that it says what it does."""
+    monkeypatch.setattr("bench.doing.MOMENT", 1e9)
+
+
 @pytest.fixture
 def ends_within():
     """Whether no process of a group is left after so many seconds."""
