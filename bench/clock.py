@@ -13,6 +13,8 @@ from bench.costs import Cost
 
 PRIOR = 0.005
 """Share of a run's expected work by which the factor before any job has ended is believed."""
+LEAST = 2.0
+"""Seconds of expected work by which it is believed at least: workers take time to get started."""
 OVERDUE = 0.05
 """What a job that takes longer than expected still takes, as a share of its time so far."""
 
@@ -127,14 +129,15 @@ class Clock:
         """What jobs have taken, and those that run take at least, once they are late."""
         left = [cost for phase in self._phases for cost in phase.costs]
         expected = sum(cost.seconds for cost in (*left, *(cost for cost, _ in self._ended)))
-        price = _Prices(self._ended, self._prior, PRIOR * expected)
+        weight = max(LEAST, PRIOR * expected)
+        price = _Prices(self._ended, self._prior, weight)
         late = [
             (job.cost, now - job.since)
             for phase in self._phases
             for job in phase.running.values()
             if now - job.since > price(job.cost)
         ]
-        return _Prices([*self._ended, *late], self._prior, PRIOR * expected)
+        return _Prices([*self._ended, *late], self._prior, weight)
 
     def state(self, now: float) -> dict[str, Any]:
         """Returns how far it is, as JSON's own types.
@@ -172,7 +175,7 @@ class _Prices:
         """Takes what jobs took, and the factor of others before, believed like so many seconds."""
         known = [(cost.seconds, took) for cost, took in seen if cost.known]
         expected, took = map(sum, zip((weight, weight * prior), *known, strict=True))
-        self._common = took / expected if expected else prior
+        self._common = took / expected
         kinds: dict[str, list[_Took]] = {}
         for cost, seconds in seen:
             kinds.setdefault(cost.kind, []).append((cost, seconds))
@@ -180,8 +183,10 @@ class _Prices:
 
     def _factor(self, jobs: Sequence[_Took]) -> float:
         expected, took = sum(cost.seconds for cost, _ in jobs), sum(took for _, took in jobs)
-        own = took / expected if expected else self._common
-        share = len(jobs) / (len(jobs) + 1) if jobs[0][0].known else 1.0
+        if not jobs[0][0].known:
+            return took / expected
+        own = (took + LEAST * self._common) / (expected + LEAST)
+        share = len(jobs) / (len(jobs) + 1)
         return share * own + (1 - share) * self._common
 
     def __call__(self, cost: Cost) -> float:

@@ -159,6 +159,7 @@ class TestRuns:
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(StateFile, "write", watched)
+            patch.setattr("bench.progress.EVERY", 1e9)
             _, _, said = bench("run", "smoke", "--out", str(tmp_path / "results"), "--jobs", "1")
         assert not (tmp_path / "results" / NAME).exists()
         assert seen[0]["running"]
@@ -183,8 +184,6 @@ class TestRuns:
     ):
         monkeypatch.setattr(doing_module, "MOMENT", 0.0)
         monkeypatch.setattr(doing_module, "EVERY", 0.0)
-        monkeypatch.setattr("bench.machine.machine_factor", lambda: 1.0)
-        monkeypatch.setattr("bench.plan.machine_factor", lambda: 1.0)
         out = str(tmp_path / "results")
         for command, said in (
             (("plan", "smoke", "--out", out, "--json"), "measuring how fast this machine is"),
