@@ -4,12 +4,15 @@ The costs of jobs are corrected by what jobs really took: by a factor that all s
 each kind of job, which counts for more the more jobs of the kind have ended.
 """
 
+from __future__ import annotations
+
 import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from bench.costs import Cost
+if TYPE_CHECKING:  # what reads a state needs no simulator
+    from bench.costs import Cost
 
 PRIOR = 0.005
 """Share of a run's expected work by which the factor before any job has ended is believed."""
@@ -48,7 +51,7 @@ class _Phase:
         return sum(cost.count for cost in self.costs)
 
 
-_Took = tuple[Cost, float]
+_Took = tuple["Cost", float]
 """What a job was expected to take, and the seconds that it took."""
 
 
@@ -125,7 +128,7 @@ class Clock:
             total += schedule(waiting, self._jobs, busy)
         return total
 
-    def _prices(self, now: float) -> "_Prices":
+    def _prices(self, now: float) -> _Prices:
         """What jobs have taken, and those that run take at least, once they are late."""
         left = [cost for phase in self._phases for cost in phase.costs]
         expected = sum(cost.seconds for cost in (*left, *(cost for cost, _ in self._ended)))
