@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bench.doing import doing, say
 from bench.options import SOME_FAILED, TaskName, number
 from bench.parsing import known_names
 from tasks.files import new_path
@@ -41,7 +42,8 @@ def make(
 
     for name in known_names("TASKS", "task", ",".join(tasks or TASKS), TASKS):
         task = get_task(name)
-        training, validation = map(len, split(load_demos(task)))
+        with doing(f"recording the expert's demonstrations of {name}"):
+            training, validation = map(len, split(load_demos(task)))
         print(f"{name}: {training} + {validation} demonstrations in {demos_path(task)}", flush=True)
 
 
@@ -53,8 +55,10 @@ def export_set(task: TaskName, folder: Folder) -> None:
 
     chosen = get_task(task)
     new_path(folder)
-    demos = load_demos(chosen)
-    export_demos(chosen, demos, folder)
+    with doing(f"recording the expert's demonstrations of {task}"):
+        demos = load_demos(chosen)
+        say(f"writing {len(demos)} demonstrations")
+        export_demos(chosen, demos, folder)
     print(f"wrote {len(demos)} demonstrations of {task} to {folder}")
 
 
@@ -115,7 +119,9 @@ def import_set(task: TaskName, folder: Folder, out: NewFile) -> None:
 
     chosen = get_task(task)
     new_path(out)
-    _keep(task, import_demos(chosen, folder), out)
+    with doing(f"replaying the episodes of {folder}"):
+        imported = import_demos(chosen, folder)
+    _keep(task, imported, out)
 
 
 @app.command()
@@ -123,7 +129,8 @@ def verify(task: TaskName, folder: Folder) -> None:
     """Replay a Minari data set and show which episodes fail. Exit code 3 if any does."""
     from tasks.minari import import_demos
 
-    success = import_demos(get_task(task), folder).success
+    with doing(f"replaying the episodes of {folder}"):
+        success = import_demos(get_task(task), folder).success
     _print_replay(task, success)
     if not success.all():
         raise typer.Exit(SOME_FAILED)

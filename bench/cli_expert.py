@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bench.doing import doing
 from bench.options import AsJson, TaskName, number
 from tasks.errors import unknown_name
 from tasks.files import writable_folder
@@ -71,7 +72,9 @@ def evaluate(
     from tasks.experts import load_expert
 
     chosen = get_task(task)
-    counts = evaluate_expert(chosen, load_expert(chosen).policy, split, episodes, physics)
+    expert = load_expert(chosen).policy
+    with doing(f"evaluating the expert of {task} in {episodes} episodes"):
+        counts = evaluate_expert(chosen, expert, split, episodes, physics)
     low, high = wilson(counts["successes"], episodes)
     result: dict[str, Any] = {
         "task": task,
@@ -118,7 +121,9 @@ def probe(
         from tasks.training import expert_weights, read_checkpoint
 
         expert = Expert(expert_weights(read_checkpoint(folder)[0]))
-    print(json.dumps(probe_expert(chosen, expert, episodes, ControllerConfig()), indent=2))
+    with doing(f"probing the expert of {task}"):
+        found = probe_expert(chosen, expert, episodes, ControllerConfig())
+    print(json.dumps(found, indent=2))
 
 
 @app.command()
@@ -143,4 +148,6 @@ def track(
     chosen, known = get_task(task), physics_names(task)
     if physics not in known:
         raise unknown_name("physics", physics, known)
-    print(json.dumps(track_expert(chosen, physics, episodes, ControllerConfig()), indent=2))
+    with doing(f"tracking the expert's motions on {task}"):
+        found = track_expert(chosen, physics, episodes, ControllerConfig())
+    print(json.dumps(found, indent=2))

@@ -144,12 +144,14 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     Raises:
         typer.Exit: the results could not be written.
     """
+    from bench.doing import doing
     from bench.driver import run as run_driver
     from bench.remarks import remarks
     from bench.store import Store
 
     try:
-        outcome = run_driver(study, out, where)
+        with doing("looking for what is missing"):
+            outcome = run_driver(study, out, where)
     except OSError as error:
         print(
             f"bench: {error}; stored results are intact; rerun the same command to resume",
@@ -170,9 +172,11 @@ def time(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
 ) -> None:
     """Measure the CPU time of stored fits, one at a time. Keep the machine otherwise idle."""
+    from bench.doing import doing
     from bench.timing import time_fits
 
-    timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
+    with doing("looking for fits to time"):
+        timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
     print(f"{timed} fits timed in {folder}")
 
 
@@ -193,10 +197,12 @@ def plan(
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate time, memory and disk of a study on this machine, after a calibration of minutes.
+    """Estimate time, memory and disk of a study on this machine.
 
-    Takes the options of `bench run`.
+    Takes the options of `bench run`. How fast the machine is, is measured once, in seconds; a
+    method of a package is tried each time.
     """
+    from bench.doing import doing
     from bench.driver import count_jobs
     from bench.plan import make_plan
 
@@ -214,7 +220,8 @@ def plan(
     )
     writable_folder(out)
     count = count_jobs(jobs)
-    made = make_plan(study, out, count)
+    with doing("listing what is missing"):
+        made = make_plan(study, out, count)
     if as_json:
         print(json.dumps(asdict(made)))
     else:

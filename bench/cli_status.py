@@ -14,17 +14,27 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Show how much of a study is done, during a run or after it, and what failed."""
+    from bench.clock import counted, headline, running
     from bench.remarks import remarks
+    from bench.run_state import read_state
     from bench.store import Store
 
     store = Store(results_folder(folder))
     counts = store.progress()
     failures = store.failures()
+    state = read_state(folder)
     if as_json:
-        print(json.dumps(counts | {"failures": failures, "notes": remarks(store)}))
+        notes = {"failures": failures, "notes": remarks(store), "run": state}
+        print(json.dumps(counts | notes))
         return
-    print("fits:        {fits_done} of {fits} done".format(**counts))
-    print("evaluations: {evaluations_done} of {evaluations} done".format(**counts))
+    if state:
+        print(headline(state))
+        for line in counted(state):
+            print(f" {line}")
+        if state["running"] and state["now"]:
+            print(f" now: {running(state)}")
+    for kind in ("controllers", "fits", "evaluations"):
+        print(f"{kind + ':':<12} {counts[f'{kind}_done']} of {counts[kind]} done")
     for remark in remarks(store):
         print(f"note: {remark}")
     for failure in failures:

@@ -90,7 +90,7 @@ def _parameters(name: str, size: str) -> dict[str, Any]:
 
 def _count(name: str, size: str, task: str) -> int:
     """Found by fitting, which works for any method."""
-    from bench.plan import random_demos
+    from bench.machine import random_demos
     from methods.base import shortened
     from methods.registry import get_method
 

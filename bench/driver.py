@@ -21,11 +21,16 @@ import pandas as pd
 
 from bench.admission import admissions, guests, introductions
 from bench.backend import IN_THIS_PROCESS, Call, Interrupts, Workers, answers, workers
+from bench.clock import Clock
+from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
 from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
 from bench.isolation import Failure
 from bench.jobs import Fitted, Piece, controller_job, evaluation_job, fit_job
+from bench.machine import cached_factor
+from bench.pending import pending
 from bench.presets import Study
-from bench.progress import Cost, Progress
+from bench.progress import Progress
+from bench.run_state import StateFile
 from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store, folder_name
 from bench.trained import keep, trained
@@ -40,6 +45,8 @@ from tasks.masses import NOMINAL
 from tasks.registry import get_task
 from tasks.simulator import CHUNK
 
+SIZES, REST = "sizes", "then"
+"""What is run first where sizes are compared, and what follows, for people to read."""
 LIBRARIES = ("kodex-bench", "mujoco", "numpy", "scipy", "torch")
 
 
@@ -77,38 +84,42 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     recipes = recipes_of(study)
     # The largest study there can be: what does not exist is refused before anything is made.
     largest = None if guests(study.methods) else cells_of(study, recipes)
-    with _running(folder, where) as runner:
+    with _running(folder, where, str(folder)) as runner:
         study = runner.admitted(study)
         if not study.methods and not study.expert:
             return runner.outcome([])
-        runner.store.check(cells_of(study, recipes) if largest is None else largest)
+        expected = cells_of(study, recipes) if largest is None else largest
+        runner.store.check(expected)
         compared = first_wave(study, recipes)
-        runner.compute(compared, study.note)
+        runner.expect(compared, expected)
+        runner.compute(compared, study.note, SIZES)
         chosen = chosen_sizes(study, runner.stored(compared)) if compared else {}
         cells = cells_of(study, recipes, chosen)
-        runner.compute(cells, study.note)
+        runner.compute(cells, study.note, REST if compared else "")
         return runner.outcome(cells)
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
     """Computes and stores what is missing of some cells, see `run`; trains their controllers."""
-    with _running(folder, where, reuse=False) as runner:
+    with _running(folder, where, f"{len(cells)} evaluations again", reuse=False) as runner:
         names = guests(
             dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
         )
         for name, failure in runner.meet(names, introductions(names)).items():
             raise InputError(f"method {name!r} cannot be used: {failure.reason}")
-        runner.compute(cells, "")
+        runner.expect([], cells)
+        runner.compute(cells, "", "")
         return runner.outcome(cells)
 
 
 @contextmanager
-def _running(folder: Path, where: Workers, reuse: bool = True) -> "Iterator[_Runner]":
+def _running(folder: Path, where: Workers, title: str, reuse: bool = True) -> "Iterator[_Runner]":
     store = Store(folder)
+    clock = Clock(where.jobs, time.monotonic(), cached_factor() or 1.0)
     with (
         store.locked(),
         workers(where),
-        Progress(where.jobs) as progress,
+        Progress(title, clock, StateFile(store), time.monotonic) as progress,
         Interrupts() as interrupts,
         introduced() as introduce,
     ):
@@ -131,6 +142,11 @@ def count_jobs(jobs: int | None = None) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise InputError(f"{name} must be 1 or more, or -1 for one on each core, got {text!r}")
     return int(text)
+
+
+def simulator_threads(jobs: int) -> int:
+    """Returns the threads of an evaluation, beside so many jobs."""
+    return max(1, cores() // jobs)
 
 
 def cores() -> int:
@@ -176,8 +192,19 @@ class _Runner:
         self.interrupts.check()
         return failures
 
-    def compute(self, cells: Sequence[Cell], note: str) -> None:
+    def expect(self, first: Sequence[Cell], cells: Sequence[Cell]) -> None:
+        """Tells the clock what there will be to do: first some of the cells, then the others."""
+        if self.reuse:
+            self._take_trained(cells)
+        threads = simulator_threads(self.where.jobs)
+        if first:
+            self.progress.expect(SIZES, pending(self.store, first).costs(threads))
+        rest = pending(self.store, cells, first).costs(threads)
+        self.progress.expect(REST if first else "", rest)
+
+    def compute(self, cells: Sequence[Cell], note: str, wave: str) -> None:
         """Computes what is missing of the cells, but for what has failed in this run."""
+        self.wave = wave
         if cells:
             self.store.ask_for([_possible(cell) for cell in cells], note)
             self._controllers(cells)
@@ -195,17 +222,20 @@ class _Runner:
         failed = tuple(f"{label}: {reason}" for label, reason in self.failed.items())
         return Outcome(self.store.folder, self.done, len(cells), failed)
 
+    def _take_trained(self, cells: Iterable[Cell]) -> None:
+        """Copies the controllers that need no training into the results folder."""
+        for spec in {cell.controller for cell in cells if cell.controller}:
+            found = None if self.store.has_controller(spec) else trained(spec)
+            if found:
+                self.store.add_controller(spec, found.weights, found.facts)
+
     def _controllers(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.controller.key: cell.controller for cell in cells if cell.controller}
         missing = [spec for spec in wanted.values() if not self.store.has_controller(spec)]
-        found = {spec: trained(spec) for spec in missing} if self.reuse else {}
-        for spec, controller in found.items():
-            if controller:
-                self.store.add_controller(spec, controller.weights, controller.facts)
         self._dispatch(
             "controllers",
             controller_job,
-            [[spec] for spec in missing if not found.get(spec)],
+            [[spec] for spec in missing],
             lambda specs: (specs[0], controller_demos(specs[0])),
             self._add_controller,
         )
@@ -234,7 +264,7 @@ class _Runner:
 
     def _evaluations(self, cells: Iterable[Cell]) -> None:
         missing = [piece for cell in cells if (piece := self._missing(cell))]
-        threads = max(1, cores() // self.where.jobs)
+        threads = simulator_threads(self.where.jobs)
         self._dispatch(
             "evaluations",
             evaluation_job,
@@ -275,12 +305,16 @@ class _Runner:
         left = [group for group in left if group]
         if not left:
             return
-        self.progress.begin(round_, [_cost(group) for group in left])
-        calls = [partial(_call, job, arguments, group) for group in left]
+        costs = [_cost(group, simulator_threads(self.where.jobs)) for group in left]
+        self.progress.begin(self.wave, round_, costs)
+        calls = [
+            partial(self._call, index, job, arguments, group) for index, group in enumerate(left)
+        ]
         apart = []
         for index, answer in answers(calls, self.where, self.interrupts):
             group = left[index]
-            if not isinstance(answer.result, Failure):
+            failed = isinstance(answer.result, Failure)
+            if not failed:
                 for one, result in zip(group, answer.result, strict=True):
                     commit(one, result)
                     self.store.clear_failure(one.label)
@@ -289,19 +323,26 @@ class _Runner:
                 self._fail(group[0].label, answer.result)
             else:
                 apart += [[one] for one in group]
-            self.progress.advance(index, answer.seconds, _label(group))
+                self.progress.split(index)
+                continue
+            self.progress.end(index, answer.seconds, failed)
         self.interrupts.check()
         self._dispatch(round_, job, apart, arguments, commit)
+
+    def _call(
+        self,
+        index: int,
+        job: Callable[..., list[Any]],
+        arguments: Callable[[Any], tuple[Any, ...]],
+        group: Sequence[Any],
+    ) -> Call:
+        label = _label(group)
+        self.progress.start(index, label)
+        return label, job, arguments(group)
 
     def _fail(self, label: str, failure: Failure) -> None:
         self.store.add_failure(label, failure.reason, failure.traceback, failure.tries)
         self.failed[label] = failure.reason
-
-
-def _call(
-    job: Callable[..., list[Any]], arguments: Callable[[Any], tuple[Any, ...]], group: Sequence[Any]
-) -> Call:
-    return _label(group), job, arguments(group)
 
 
 def learnt(store: Store, cell: Cell) -> tuple[bytes, bytes]:
@@ -317,14 +358,13 @@ def _label(group: Sequence[Any]) -> str:
     return str(group[0].label) + "".join(f",{fit.seed}" for fit in group[1:])
 
 
-def _cost(group: Sequence[Any]) -> Cost:
+def _cost(group: Sequence[Any], threads: int) -> Cost:
     first = group[0]
     if isinstance(first, Fit):
-        kind = (first.task, first.method, first.variant, first.size)
-        return Cost(" ".join(kind), len(group) * first.demos * first.config.get("epochs", 1))
+        return fit_cost(group)
     if isinstance(first, ControllerSpec):
-        return Cost(first.task, first.demos * first.config.epochs)
-    return Cost(first.cell.fit.task, len(first.starts))
+        return controller_cost(first)
+    return evaluation_cost(first.cell.evaluation, len(first.starts), threads)
 
 
 def training_demos(of: Fit | ControllerSpec) -> Demos:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.controller import Controller, ControllerConfig, train_controller
+from bench.doing import say
 from bench.rollout import TrackedMotion
 from methods.base import MotionMethod, Parameters
 from methods.kodex import Kodex
@@ -56,11 +57,14 @@ def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -
         episodes: starts of ``probe`` for (b).
         config: how the controller is trained.
     """
+    say(f"recording demonstrations of {task.name}")
     demos = make_demos(task, expert, TRAINING + VALIDATION)
     training, validation = split(demos)
+    say("training the controller")
     controller = Controller(train_controller(config, training, task.name))
     kodex = Kodex(Kodex.sizes["single"], task.layout)
     kodex.fit(training, validation, 0)
+    say(f"evaluating the controller and KODex in {episodes} episodes")
     tracked = rollout(task, validation.starts, TrackedMotion(Recorded(validation), controller))
     starts = task.sample("probe", episodes)
     imitated = rollout(task, starts, TrackedMotion(kodex, controller))

@@ -1,80 +1,141 @@
-"""How far a run is: bars on a terminal, plain lines elsewhere."""
+"""How far a run is: a live display on a terminal, plain lines elsewhere, and a file for others."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import sys
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-from rich.progress import Progress as Bars
+from rich.live import Live
+from rich.text import Text
 
+from bench.clock import Clock, counted, headline, running
+from bench.costs import Cost
+from bench.doing import hush
+from bench.run_state import StateFile
 
-@dataclass(frozen=True)
-class Cost:
-    """What a job is expected to cost."""
-
-    kind: str
-    """Jobs of one kind cost in proportion to their units."""
-    units: float
+EVERY = 30.0
+"""Seconds between two plain lines."""
+SAVED = 10.0
+"""Seconds between two states in the file while nothing happens."""
 
 
 class Progress:
-    """Counts the jobs of one round after another. A context manager."""
+    """Shows the clock of a run while its jobs are done. A context manager.
 
-    def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
-        self._console = Console(stderr=True)
-        self._bars = Bars(
-            TextColumn("{task.description:<12}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[left]} [dim]{task.fields[latest]}"),
-            console=self._console,
-            disable=not self._console.is_terminal,
+    Its methods may be called from several threads.
+    """
+
+    def __init__(self, title: str, clock: Clock, file: StateFile, now: Callable[[], float]) -> None:
+        """Shows nothing before the first phase begins.
+
+        Args:
+            title: of the run, for people to read.
+            clock: what is shown.
+            file: gets the state of the clock, each second at most.
+            now: the time of the clock.
+        """
+        self._title, self._clock, self._file, self._now = title, clock, file, now
+        self._lock = threading.RLock()
+        self._ended = threading.Event()
+        self._ticking = threading.Thread(target=self._tick, daemon=True)
+        self._begun = self._news = False
+        self._said = self._saved = 0.0
+        console = Console(stderr=True)
+        self._live = Live(
+            console=console,
+            get_renderable=self._render,
+            refresh_per_second=2,
+            redirect_stdout=sys.stdout.isatty(),
         )
+        self._plain = not console.is_terminal or console.is_dumb_terminal
 
     def __enter__(self) -> "Progress":
-        self._bars.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._bars.stop()
+        self._ended.set()
+        if self._begun:
+            self._ticking.join()
+            if not self._plain:
+                self._live.stop()
+        if error[0] is None:
+            self._file.remove()
+        elif self._begun:
+            self._keep(ended=True)
 
-    def begin(self, round_: str, costs: Sequence[Cost]) -> None:
-        """A round of jobs begins."""
-        self._round, self._total = round_, len(costs)
-        self._waiting = dict(enumerate(costs))
-        self._spent: dict[str, tuple[float, float]] = {}
-        self._bar = self._bars.add_task(round_, total=self._total, left="", latest="")
-        self._say(f"{round_} 0/{self._total}")
+    def expect(self, wave: str, phases: Mapping[str, Sequence[Cost]]) -> None:
+        """See `bench.clock.Clock.expect`."""
+        with self._lock:
+            self._clock.expect(wave, phases)
 
-    def advance(self, index: int, seconds: float, label: str) -> None:
-        """A job has been committed, after so many seconds of work."""
-        cost = self._waiting.pop(index)
-        spent, units = self._spent.get(cost.kind, (0.0, 0.0))
-        self._spent[cost.kind] = spent + seconds, units + cost.units
-        done, left = self._total - len(self._waiting), f"about {_text(self.left())} left"
-        self._bars.update(self._bar, completed=done, left=left, latest=label)
-        self._say(f"{self._round} {done}/{self._total}, {left}: {label}")
+    def begin(self, wave: str, name: str, costs: Sequence[Cost]) -> None:
+        """See `bench.clock.Clock.begin`."""
+        with self._lock:
+            self._clock.begin(wave, name, costs)
+            self._news = True
+        if not self._begun:
+            self._begun = True
+            hush()
+            self._say()
+            self._keep()
+            self._ticking.start()
+            if not self._plain:
+                self._live.start()
 
-    def _say(self, line: str) -> None:
-        if not self._console.is_terminal:
-            self._console.print(line, highlight=False, soft_wrap=True)
+    def start(self, index: int, label: str) -> None:
+        """See `bench.clock.Clock.start`."""
+        with self._lock:
+            self._clock.start(index, label, self._now())
+            self._news = True
 
-    def left(self) -> float:
-        """Returns the seconds that the round will still take, by what its jobs have taken so far.
+    def end(self, index: int, seconds: float, failed: bool = False) -> None:
+        """See `bench.clock.Clock.end`."""
+        with self._lock:
+            self._clock.end(index, seconds, failed)
+            self._news = True
+            if self._clock.phase_over:
+                self._say()
 
-        A kind that none has ended of is priced like the mean of the others.
-        """
-        seconds, units = map(sum, zip(*self._spent.values(), strict=True))
-        otherwise = seconds / units
-        prices = {kind: spent / amount for kind, (spent, amount) in self._spent.items()}
-        work = (cost.units * prices.get(cost.kind, otherwise) for cost in self._waiting.values())
-        return sum(work) / min(self._jobs, max(1, len(self._waiting)))
+    def split(self, index: int) -> None:
+        """See `bench.clock.Clock.split`."""
+        with self._lock:
+            self._clock.split(index)
+            self._news = True
 
+    def _tick(self) -> None:
+        while not self._ended.wait(1.0):
+            self._tick_once()
 
-def _text(seconds: float) -> str:
-    """Minutes and hours where seconds would be too fine."""
-    for size, unit in ((3600, "h"), (60, "min")):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds:.0f} s"
+    def _tick_once(self) -> None:
+        now = self._now()
+        if now - self._said >= EVERY:
+            self._say()
+        if self._news or now - self._saved >= SAVED:
+            self._keep()
+
+    def _keep(self, ended: bool = False) -> None:
+        with self._lock:
+            self._news, self._saved = False, self._now()
+            state = self._clock.state(self._now())
+        with suppress(OSError):  # the run itself will say that the disk is full
+            self._file.write(state, ended)
+
+    def _say(self) -> None:
+        with self._lock:
+            self._said = self._now()
+            if self._plain:
+                print("; ".join(self._lines()), file=sys.stderr, flush=True)
+
+    def _render(self) -> Text:
+        with self._lock:
+            return Text("\n ".join(self._lines()), no_wrap=True, overflow="crop")
+
+    def _lines(self) -> list[str]:
+        state = self._clock.state(self._now())
+        now = running(state)
+        return [
+            f"{self._title}: {headline(state)}",
+            *counted(state),
+            *([f"now: {now}"] if now else []),
+        ]

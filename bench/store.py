@@ -35,10 +35,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
+from bench.controller import NO_CONTROLLER, ON_SUCCESSES, TUNED
 from bench.labels import labelled
 from tasks.data import NonFinite
 from tasks.errors import InputError
 from tasks.files import flush, from_bytes, sync, writable_folder
+from tasks.masses import NOMINAL
 
 if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
     import pandas as pd
@@ -201,6 +203,20 @@ class Store:
         table = self._table(path, fit.key)
         return None if table is None else _labels(table)
 
+    # A glance: what seems to be there, unread
+    def glimpse_fit(self, fit: Fit) -> bool:
+        """Whether the fit seems to be there."""
+        return (self._cell(fit) / "fit.json").exists()
+
+    def glimpse_controller(self, controller: ControllerSpec) -> bool:
+        """Whether the controller seems to be there."""
+        return (self._controller(controller) / "controller.json").exists()
+
+    def glimpse_episodes(self, fit: Fit, evaluation: Evaluation) -> int:
+        """Returns how many episodes of this version of the task and controller seem to be there."""
+        key, found = _glance(self._evaluation(fit, evaluation))
+        return found if key == evaluation.key(fit) else 0
+
     # Study
     def check(self, cells: Iterable[Cell]) -> None:
         """Refuses cells whose place is taken by results of a controller that was trained otherwise.
@@ -278,7 +294,9 @@ class Store:
             ) from error
 
     def progress(self) -> dict[str, int]:
-        """Returns how many fits and evaluations were asked for, and how many are there in full.
+        """Returns how many results were asked for, and how many are there in full.
+
+        Of ``controllers``, ``fits`` and ``evaluations``, and of each those ``_done``.
 
         Raises:
             InputError: the folder holds no results.
@@ -292,7 +310,19 @@ class Store:
             for name, key in entry["evaluations"].items()
             for there, found in [_glance(folders[label] / f"{name}.parquet")]
         ]
+        wanted = {
+            controller
+            for label, entry in study.items()
+            for name in entry["evaluations"]
+            if (controller := _controller_label(label, name))
+        }
+        stored = {
+            path.parent.name[: -KEY_DIGITS - 1]
+            for path in self.controllers.glob("*/controller.json")
+        }
         return {
+            "controllers": len(wanted),
+            "controllers_done": len(wanted & stored),
             "fits": len(study),
             "fits_done": sum((folder / "fit.json").exists() for folder in folders.values()),
             "evaluations": len(done),
@@ -586,6 +616,16 @@ def _glance(path: Path) -> tuple[str, int]:
             return found.metadata[b"key"].decode(), found.num_rows
     except DamagedError:
         return "", 0
+
+
+def _controller_label(fit_label: str, evaluation: str) -> str:
+    """The label of the controller that an evaluation needs, see `ControllerSpec`; else nothing."""
+    parts = evaluation.split("-")
+    name = "-".join(parts[3:-1])
+    if name in ("", NO_CONTROLLER):
+        return ""
+    tuned = name in (TUNED, ON_SUCCESSES)
+    return f"{fit_label.partition('-')[0]}-{name}-{parts[2] if tuned else NOMINAL}"
 
 
 def _differences(spec: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:

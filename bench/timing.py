@@ -8,6 +8,7 @@ from statistics import median
 from typing import Any
 
 from bench.backend import Call, Interrupts, answers, workers
+from bench.doing import say
 from bench.driver import training_demos, validation_demos
 from bench.isolation import Failure
 from bench.jobs import fit_job
@@ -65,6 +66,7 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
 
 def _call(row: dict[str, Any]) -> Call:
     fit = stored_fit(row)
+    say(f"timing the fit of {fit.label}")
     arguments = (fit, training_demos(fit), validation_demos(fit))
     return f"time {fit.label}", timing_job, arguments
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from bench.controller import RESEEDED, Controller, ControllerConfig, train_controller
+from bench.doing import say
 from bench.driver import controller_demos
 from bench.probe import Recorded
 from bench.rollout import TrackedMotion
@@ -41,16 +42,17 @@ def track(
         specs = [original, *(replace(original, seed=seed) for seed in RESEEDED)]
     else:
         specs = [original, replace(original, physics=physics)]
-    controllers = {
-        spec.name: Controller(
-            train_controller(config, controller_demos(spec), task.name, spec.seed)
-        )
-        for spec in specs
-    }
+    controllers = {}
+    for spec in specs:
+        say(f"training the controller {spec.label}")
+        weights = train_controller(config, controller_demos(spec), task.name, spec.seed)
+        controllers[spec.name] = Controller(weights)
     rows = []
     for made in dict.fromkeys((NOMINAL, physics)):
+        say(f"recording the expert's motions in {made} physics")
         motions = Recorded(record(task, starts, expert, made, failures=True)[1])
         for name, controller in controllers.items():
+            say(f"tracking motions of {made} physics with the controller {name}")
             found = rollout(task, starts, TrackedMotion(motions, controller), physics)
             rate = float(found.success.mean())
             rows.append(

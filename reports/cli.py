@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bench.doing import doing
 from bench.options import SOME_FAILED, AsJson, Jobs, TaskName, number, results_folder
 from bench.parsing import names
 from tasks.errors import InputError
@@ -63,12 +64,14 @@ def report(
     place = writable_folder(out or (Path("report") if folder is None else folder / "report"))
     if export is not None:
         writable_file(export)
-    results = Results(source, with_reference)
+    with doing("reading results"):
+        results = Results(source, with_reference)
     if not mixed and not with_reference:
         results.check_versions()
     if not reference:  # tests check the shipped results, and this would import torch
         results.check_protocol(results.frame, mixed)
-    made = write_report(results, place, source / "videos")
+    with doing("looking at results"):
+        made = write_report(results, place, source / "videos")
     for path in made.written:
         print(path.read_text())
     if export is not None:
@@ -91,7 +94,8 @@ def pack(
 
     for folder in folders:
         results_folder(folder, packed=True)
-    pack_results(folders, writable_folder(out))
+    with doing("packing"):
+        pack_results(folders, writable_folder(out))
     size = sum(path.stat().st_size for path in out.iterdir())
     print(f"{size / 2**20:.1f} MiB in {out}; bench report {out} shows them")
 
@@ -121,7 +125,8 @@ def compare(
         results.check_versions()
     if not reference:
         results.check_protocol(compared(results, chosen), mixed)
-    table = compare_methods(results, chosen)
+    with doing(f"comparing {', '.join(chosen)}"):
+        table = compare_methods(results, chosen)
     if as_json:
         print(table.to_json(orient="records"))
     else:
@@ -157,7 +162,8 @@ def verify(
     from bench.verify import verify as verify_results
 
     source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
-    found = verify_results(source, cells, episodes, draw, where)
+    with doing("reading results"):
+        found = verify_results(source, cells, episodes, draw, where)
     if as_json:
         print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))
     else:
@@ -210,8 +216,10 @@ def video(
     from reports.video import film, telling
 
     place = writable_folder(out or results / "videos")
-    starts = telling(results, task, chosen[0]) if start is None else {f"start-{start}": start}
+    with doing("looking for starts to film"):
+        starts = telling(results, task, chosen[0]) if start is None else {f"start-{start}": start}
     for name, index in starts.items():
         path = place / f"{task}-{name}.mp4"
-        film(results, task, chosen, index, path)
+        with doing(f"filming {path.name}"):
+            film(results, task, chosen, index, path)
         print(path)

@@ -6,6 +6,7 @@ from itertools import combinations
 import pandas as pd
 from scipy.stats import false_discovery_control
 
+from bench.doing import say
 from bench.labels import labels_of
 from reports.results import Results
 from reports.stats import paired_difference
@@ -32,6 +33,7 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     rows = []
     for task in TASKS:
         for split in SPLITS:
+            say(f"comparing {', '.join(methods)} on {task}, {split}")
             for names in combinations(methods, 2):
                 left, right = results.successes([_at(results, m, task, split) for m in names])
                 if left is not None and right is not None:

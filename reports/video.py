@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from bench.checking import known
+from bench.doing import say
 from bench.driver import learnt
 from bench.jobs import make_policy
 from bench.labels import labels_of, plain
@@ -101,6 +102,7 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
 
     task = get_task(task_name)
     starts = task.sample("test", start + 1)[start:]
+    say(f"simulating start {start} of {task_name}")
     known = list(_tested(Results(folder), task_name).method.unique())
     labels = [label for name in methods for label in labels_of(name, known)]
     takes = [take(folder, task, label, starts) for label in labels]
@@ -108,7 +110,8 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
     with whole_file(path) as temporary:
         writer = imageio_ffmpeg.write_frames(str(temporary), size, fps=RATE)
         writer.send(None)
-        for frame in frames(takes):
+        for number, frame in enumerate(frames(takes), 1):
+            say(f"drawing picture {number} of {path.name}")
             writer.send(np.ascontiguousarray(frame))
         writer.close()
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from bench.doing import say
 from reports.claims import FAILED, verdicts
 from reports.exhibit import Exhibit
 from reports.page import render
@@ -72,12 +73,14 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
     for exhibit in known:
         _remove(exhibit, folder)
         if exhibit.name in tables:
+            say(f"writing {exhibit.title}")
             try:
                 written.append(_write(exhibit, tables[exhibit.name], folder))
             except Exception as error:
                 _remove(exhibit, folder)
                 del tables[exhibit.name]
                 failed[exhibit.title] = described(error)
+    say("judging the claims of the paper")
     claims = verdicts(results)
     lost = claims[claims.ours == FAILED]
     failed |= {f"claim {name}": why for name, why in zip(lost.claim, lost.evidence, strict=True)}
@@ -95,6 +98,7 @@ def _tables(
     """By name the tables of the exhibits that have results, and by title why others failed."""
     tables, failed = {}, {}
     for exhibit in known:
+        say(f"table of {exhibit.title}")
         try:
             table = exhibit.table(results)
         except Exception as error:

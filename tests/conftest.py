@@ -66,6 +66,12 @@ def pytest_terminal_summary(terminalreporter, config):
         terminalreporter.write_line(f"{name} {shown}")
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """On a busy machine too, no command takes so long that it says what it does."""
+    monkeypatch.setattr("bench.doing.MOMENT", 1e9)
+
+
 @pytest.fixture
 def ends_within():
     """Whether no process of a group is left after so many seconds."""
@@ -159,6 +165,7 @@ def smoke(shipped, monkeypatch):
     """The preset for KODex, with as few demonstrations as a shipped random expert has."""
     monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6, methods=("kodex",)))
     monkeypatch.setattr(driver, "TRAINING", 6)
+    monkeypatch.setattr("bench.plan.machine_factor", lambda: 1.0)
 
 
 @pytest.fixture

@@ -1,15 +1,20 @@
-"""What the calibration of `bench plan`, `bench time` and `bench describe` measures."""
+"""What `bench plan`, `bench time` and `bench describe` measure, and what costs are based on."""
 
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
 import pytest
 
-from bench import plan
+from bench import machine, measuring, plan
+from bench.costs import Price, calibration_seconds, fit_cost
+from bench.experiments import cells_of, recipes_of
 from bench.jobs import fit_job
-from bench.spec import Evaluation, Fit
+from bench.pending import pending
+from bench.presets import get_preset
+from bench.spec import Fit
+from bench.store import Store
 from methods import registry
 from methods.base import MotionMethod
 from methods.kodex import Kodex
@@ -74,7 +79,7 @@ METHODS = {method.name: method for method in (Raises, Choosy, Nonsense, Kodex, N
 def brought(monkeypatch):
     """Methods of other packages beside KODex and NN, called in this process."""
     monkeypatch.setattr(registry, "SUITE", tuple(METHODS))
-    monkeypatch.setattr(plan, "SUITE", tuple(METHODS))
+    monkeypatch.setattr(plan, "apart", lambda job, *arguments: job(*arguments))
     monkeypatch.setattr("bench.checking.SUITE", tuple(METHODS))
     monkeypatch.setattr("bench.checking.get_method", METHODS.get)
     monkeypatch.setattr(registry, "get_method", lambda name, variant="described": METHODS[name])
@@ -106,30 +111,23 @@ def sharing(function, share=3):
 
 
 def price_of_an_episode():
-    plan._whole_episode_seconds.cache_clear()
-    return plan.episode_seconds(Evaluation("door", "test"))
+    return measuring._episode_seconds("door")
 
 
 def price_of_a_fit():
     plan._unit_seconds.cache_clear()
-    return plan.fits_seconds(block("kodex"))
-
-
-def price_of_a_controller():
-    plan._unit_controller_seconds.cache_clear()
-    return plan._unit_controller_seconds("door")
+    return plan._measured("door", "kodex", "described", "single", 1)
 
 
 def time_of_a_fit():
-    return fit_job(block("kodex"), *plan.random_demos("door"))[0].seconds
+    return fit_job(block("kodex"), *machine.random_demos("door"))[0].seconds
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize(
     ("price", "place", "name"),
     [
-        (price_of_an_episode, plan, "rollout"),
-        (price_of_a_controller, plan, "train_controller"),
+        (price_of_an_episode, measuring, "rollout"),
         (price_of_a_fit, Kodex, "fit"),
         (time_of_a_fit, Kodex, "fit"),
     ],
@@ -143,9 +141,7 @@ def test_a_busy_machine_does_not_raise_a_price(price, place, name, task, shipped
 
 def test_a_method_that_fails_in_the_calibration_costs_the_mean_of_the_others(brought, capsys):
     blocks = [block("kodex"), block("raises"), block("nn", 2), block("nonsense", 2)]
-    kodex, raises, nn, nonsense = plan.blocks_seconds(blocks)
-    mean = (kodex + nn / 2) / 2
-    assert (raises, nonsense) == (pytest.approx(mean), pytest.approx(2 * mean))
+    assert plan.blocks_seconds(blocks, [10.0, 0.0, 40.0, 0.0]) == [10, 15, 40, 30]
     like = "failed, priced like the mean of the other fits:"
     first, second = capsys.readouterr().err.splitlines()
     reason = r"ZeroDivisionError: no such luck\nat all (test_plan.py:"
@@ -156,12 +152,63 @@ def test_a_method_that_fails_in_the_calibration_costs_the_mean_of_the_others(bro
 
 
 def test_a_method_that_needs_three_demonstrations_is_priced(brought, capsys):
-    assert plan.blocks_seconds([block("choosy")])[0] >= 0
+    assert plan.blocks_seconds([block("choosy")], [0.0])[0] >= 0
     assert capsys.readouterr().err == ""
 
 
+def test_the_table_of_costs_has_all_that_paper_does(tmp_path):
+    study = get_preset("paper")
+    missing = pending(Store(tmp_path), cells_of(study, recipes_of(study)))
+    costs = [cost for phase in missing.costs().values() for cost in phase]
+    assert {cost.kind for cost in costs if not cost.known or cost.seconds <= 0} == set()
+
+
+def test_fits_cost_more_the_more_seeds_demonstrations_and_epochs_they_have():
+    def cost(seeds=1, **changes):
+        fits = [replace(fit, **changes) for fit in block("nn", seeds)]
+        return fit_cost(fits).seconds
+
+    by_seeds = [cost(seeds) for seeds in (1, 2, 5, 9)]
+    assert by_seeds == sorted(by_seeds)
+    assert cost(demos=20) > cost(demos=10)
+    assert cost(config={"epochs": 200}) > cost(config={"epochs": 100})
+
+
+def test_a_method_without_an_entry_is_priced_but_not_known():
+    fits = [replace(fit, method="mine") for fit in block("nn")]
+    cost = fit_cost(fits)
+    assert not cost.known
+    assert cost.seconds > 0
+
+
+def test_the_factor_of_a_machine_is_measured_once(monkeypatch, tmp_path):
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path))
+    assert machine.cached_factor() is None
+    measured = []
+    monkeypatch.setattr(
+        machine, "calibrate", lambda: measured.append(1) or 2 * calibration_seconds()
+    )
+    assert [machine.machine_factor() for _ in range(3)] == [2.0, 2.0, 2.0]
+    assert (machine.cached_factor(), len(measured)) == (2.0, 1)
+    next(tmp_path.rglob("*.json")).write_text("damaged")
+    assert machine.cached_factor() is None
+
+
+def test_a_shortened_training_is_extended_as_it_grows(monkeypatch):
+    """One that takes 0.2 s to begin, and in each epoch 3 ms and 1 ms for each demonstration."""
+    monkeypatch.setattr(measuring, "load_demos", lambda task: range(250))
+    monkeypatch.setattr(measuring, "split", lambda demos: (demos[:200], demos[200:]))
+    monkeypatch.setattr(measuring, "_seconds", lambda work: work())
+
+    def train(demos, epochs):
+        return 0.2 + epochs * (0.003 + 0.001 * len(demos))
+
+    found = Price("door", "", "", "", 1, *measuring._training_seconds("door", train))
+    assert found.seconds(200, 50) == pytest.approx(0.2 + 50 * 0.203)
+
+
 def test_a_plan_without_any_price_says_that_fits_are_not_counted(brought, capsys):
-    assert plan.blocks_seconds([block("raises")]) == [0]
+    assert plan.blocks_seconds([block("raises")], [0.0]) == [0]
     assert "failed, not counted: ZeroDivisionError" in capsys.readouterr().err
 
 

@@ -1,0 +1,116 @@
+"""How fast this machine is, against the reference machine of bench/costs.csv."""
+
+import json
+import os
+import platform
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from bench.controller import ControllerConfig, train_controller
+from bench.costs import calibration_seconds
+from tasks.data import Demos, Starts, generator, key
+from tasks.demos import cache_folder
+from tasks.errors import InputError
+from tasks.experts import load_expert
+from tasks.files import whole_file
+from tasks.registry import get_task
+from tasks.simulator import rollout
+
+TRAINING, VALIDATION, EPISODES = 16, 4, 50
+"""Size of the calibration."""
+
+
+def machine_factor() -> float:
+    """Returns how many seconds this machine takes for one of the reference machine.
+
+    It is measured in a few seconds, and kept in the cache, for this machine and these versions.
+    """
+    known = cached_factor()
+    if known is not None:
+        return known
+    factor = calibrate() / calibration_seconds()
+    with suppress(OSError, InputError), whole_file(_path()) as file:
+        file.write_text(json.dumps({"factor": factor}))
+    return factor
+
+
+def cached_factor() -> float | None:
+    """Returns `machine_factor`, if it has been measured."""
+    try:
+        factor = float(json.loads(_path().read_bytes())["factor"])
+    except (OSError, ValueError, KeyError, TypeError, InputError):
+        return None
+    return factor if 0 < factor < float("inf") else None
+
+
+def describe_machine() -> str:
+    """Returns processor, cores and versions in a line."""
+    names = ("mujoco", "numpy", "torch")
+    versions = ", ".join(f"{name} {version(name)}" for name in names)
+    return f"{_processor()}, {os.cpu_count()} cores; Python {platform.python_version()}, {versions}"
+
+
+def _path() -> Path:
+    this = key(platform.node(), describe_machine(), version("kodex-bench"), calibration_seconds())
+    return cache_folder() / "machine" / f"{this[:16]}.json"
+
+
+def _processor() -> str:
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def calibrate() -> float:
+    """Returns the CPU seconds of some of what jobs do: simulate, and train networks."""
+    task = get_task("door")
+    starts, expert, (demos, validation) = (
+        task.sample("train", EPISODES),
+        load_expert(task).policy,
+        random_demos("door"),
+    )
+    warm_up()
+    with threadpool_limits(1):
+        began = process_time()
+        rollout(task, starts, expert, chunk=EPISODES, threads=1, whole=True)
+        train_controller(ControllerConfig(epochs=20), demos, "calibration")
+        _fit_lstm(demos, validation)
+        return process_time() - began
+
+
+def _fit_lstm(demos: Demos, validation: Demos) -> None:
+    from methods.base import shortened
+    from methods.lstm import LSTM
+
+    config = shortened(LSTM.sizes["median"], 10)
+    LSTM(config, get_task("door").layout).fit(demos, validation, 1)
+
+
+@cache
+def warm_up() -> None:
+    """Does what only the first training of a process costs: importing torch, finding memory."""
+    train_controller(ControllerConfig(epochs=1), random_demos("door")[0], "calibration")
+
+
+@cache
+def random_demos(task_name: str) -> tuple[Demos, Demos]:
+    """Returns made-up demonstrations of a task's dimensions and length: 16 to train on, and 4."""
+    task = get_task(task_name)
+    rng = generator("calibration", task_name)
+    count = TRAINING + VALIDATION
+    shape = (count, task.horizon)
+    # Walks rather than noise, whose velocities would tear a second-order policy apart.
+    states = rng.standard_normal((*shape, task.layout.state_dim)).cumsum(axis=1) / task.horizon
+    velocities = states[:, :, : task.robot_dim]
+    actions = rng.uniform(-1, 1, (count, task.steps, task.layout.action_dim))
+    starts = Starts(task_name, "demo", np.arange(count), np.zeros((count, 1)))
+    demos = Demos(starts, states, velocities, actions)
+    return demos[:TRAINING], demos[TRAINING:]

@@ -1,0 +1,79 @@
+"""What a results folder still lacks of some cells, by a glance at it that reads no data."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
+from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
+from bench.store import Store
+from tasks import demos
+from tasks.registry import get_task
+
+
+@dataclass(frozen=True)
+class Pending:
+    """What is missing."""
+
+    controllers: list[ControllerSpec]
+    blocks: list[list[Fit]]
+    """Fits that one job does."""
+    episodes: list[tuple[Cell, int]]
+    """Cells with the number of their missing episodes."""
+
+    def costs(self, threads: int = 1) -> dict[str, list[Cost]]:
+        """Returns the costs of the jobs by phase, of which each waits for the one before.
+
+        Args:
+            threads: of an evaluation.
+        """
+        return {
+            "controllers": [controller_cost(spec) for spec in self.controllers],
+            "fits": [fit_cost(block) for block in self.blocks],
+            "evaluations": [
+                evaluation_cost(cell.evaluation, count, threads) for cell, count in self.episodes
+            ],
+        }
+
+
+def pending(store: Store, cells: Sequence[Cell], earlier: Sequence[Cell] = ()) -> Pending:
+    """Returns what is missing of cells once the earlier ones are there."""
+    known = {cell.fit.key for cell in earlier}
+    tracked = {cell.controller.key for cell in earlier if cell.controller}
+    evaluated = {_place(cell): _wanted(cell) for cell in earlier}
+    fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
+    controllers = {cell.controller.key: cell.controller for cell in cells if cell.controller}
+    counts = [
+        (cell, _wanted(cell) - max(stored, evaluated.get(_place(cell), 0)))
+        for cell in cells
+        for stored in [store.glimpse_episodes(cell.fit, cell.evaluation)]
+    ]
+    return Pending(
+        [
+            spec
+            for spec in controllers.values()
+            if spec.key not in tracked and not store.glimpse_controller(spec)
+        ],
+        seed_blocks(
+            fit for fit in fits.values() if fit.key not in known and not store.glimpse_fit(fit)
+        ),
+        [(cell, count) for cell, count in counts if count > 0],
+    )
+
+
+def _place(cell: Cell) -> tuple[str, str]:
+    return cell.fit.key, cell.evaluation.name
+
+
+def _wanted(cell: Cell) -> int:
+    """The episodes of a cell, of which there are no more than starts."""
+    if cell.evaluation.split != VALIDATION:
+        return cell.episodes
+    return min(cell.episodes, _validation_count(cell.fit))
+
+
+def _validation_count(fit: Fit) -> int:
+    """How many validation starts there are, without making demonstrations that are not there."""
+    task = get_task(fit.task)
+    if fit.recipe == demos.demos_key(task):
+        return demos.VALIDATION
+    return len(demos.split(demos.load_demos(task, fit.recipe))[1])

@@ -1,0 +1,228 @@
+"""What a run and other long commands say while they work, and what `bench status` knows of it."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from bench import doing as doing_module
+from bench import run_state
+from bench.clock import Clock
+from bench.costs import Cost
+from bench.doing import doing, hush, say
+from bench.progress import EVERY, Progress
+from bench.run_state import NAME, StateFile, read_state
+from bench.store import Store
+
+
+@pytest.fixture
+def store(tmp_path):
+    found = Store(tmp_path)
+    with found.locked():
+        found.cells.mkdir()
+        yield found
+
+
+def progress(store, now):
+    """A run of two controllers, four hundred fits and as many evaluations, by a made-up time."""
+    made = Progress("results/study", Clock(1, 0.0), StateFile(store), now)
+    counts = {"controllers": 2, "fits": 400, "evaluations": 400}
+    made.expect("", {name: costs(count) for name, count in counts.items()})
+    return made
+
+
+def costs(count):
+    return [Cost("fit a", 1.0)] * count
+
+
+class Never:
+    """A clock's thread that never ticks."""
+
+    def __init__(self, **_):
+        pass
+
+    def start(self):
+        pass
+
+    def join(self):
+        pass
+
+
+@pytest.fixture
+def no_ticks(monkeypatch):
+    monkeypatch.setattr("bench.progress.threading.Thread", Never)
+
+
+def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(store, no_ticks, capsys):
+    seconds = [0.0]
+    with progress(store, lambda: seconds[0]) as shown:
+        for name, count in (("controllers", 2), ("fits", 400), ("evaluations", 400)):
+            shown.begin("", name, costs(count))
+            for index in range(count):
+                shown.start(index, f"job-{index}")
+                seconds[0] += 1
+                if index % 10 == 0:
+                    shown._tick_once()
+                shown.end(index, 1.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) <= 1 + 3 + 802 / EVERY + 1
+    assert all(line.isascii() for line in lines)
+    assert "controllers 0/2; fits" not in lines[0]
+    assert "controllers 0/2, fits 0/400, evaluations 0/400" in lines[0]
+    assert "about 13 min left (13 min in all)" in lines[0]
+    middle = next(line for line in lines if "fits 400/400" in line)
+    assert "7 min gone, about 7 min left (13 min in all)" in middle
+    assert "now: job-" in lines[-2]
+
+
+def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(store, no_ticks, bench):
+    def status(*options):
+        return bench("status", str(store.folder), *options)[1]
+
+    with pytest.raises(KeyboardInterrupt), progress(store, lambda: 0.0) as shown:  # noqa: PT012
+        shown.begin("", "controllers", costs(2))
+        shown.start(0, "door-original-nominal")
+        shown._keep()
+        said = status()
+        assert re.search(r" s gone, about 13 min left \(13 min in all\)", said)
+        assert "controllers 0/2, fits 0/400, evaluations 0/400" in said
+        assert "now: door-original-nominal (" in said
+        state = json.loads(status("--json"))["run"]
+        assert state["running"]
+        assert state["phases"][0] == {
+            "wave": "",
+            "name": "controllers",
+            "done": 0,
+            "of": 2,
+            "failed": 0,
+        }
+        raise KeyboardInterrupt
+    assert "stopped after 0 s; rerun the same command" in status()
+    assert not json.loads(status("--json"))["run"]["running"]
+
+
+def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(store, no_ticks):
+    with progress(store, lambda: 0.0) as shown:
+        shown.begin("", "controllers", costs(2))
+        path = store.folder / NAME
+        written = json.loads(path.read_text())
+        assert read_state(store.folder)["running"]
+        ended = subprocess.Popen([sys.executable, "-c", ""])
+        ended.wait()
+        for change, lives in (
+            ({"pid": ended.pid}, False),
+            ({"started": written["started"] - 1}, False),  # the number of another process by now
+            ({"host": "elsewhere"}, True),
+            ({"host": "elsewhere", "written": time.time() - 2 * run_state.SILENCE}, False),
+        ):
+            path.write_text(json.dumps(written | change))
+            assert read_state(store.folder)["running"] is lives
+
+
+def test_a_state_that_cannot_be_read_is_as_none(store, bench):
+    path = store.folder / NAME
+    for text in ("", "{", "[]", '{"pid": "a"}', '{"host": 1, "phases": 2, "ended": 1}'):
+        path.write_text(text)
+        assert read_state(store.folder) is None
+        assert bench("status", str(store.folder))[0] == 0
+
+
+def test_a_state_is_never_half_written(store, no_ticks, monkeypatch):
+    with progress(store, lambda: 0.0) as shown:
+        shown.begin("", "controllers", costs(2))
+        before = (store.folder / NAME).read_bytes()
+
+        def half(path, content):
+            path.write_bytes(content[: len(content) // 2])
+            raise OSError("no space left on the device")
+
+        monkeypatch.setattr("bench.store.flush", half)
+        shown.start(0, "one")
+        shown._keep()
+        assert (store.folder / NAME).read_bytes() == before
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+class TestRuns:
+    def test_a_run_leaves_no_state_behind_and_says_how_far_it_was(
+        self, task, smoke, bench, tmp_path, capsys
+    ):
+        seen = []
+        write = StateFile.write
+
+        def watched(self, state, ended=False):
+            write(self, state, ended)
+            seen.append(read_state(tmp_path / "results"))
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(StateFile, "write", watched)
+            patch.setattr("bench.progress.EVERY", 1e9)
+            _, _, said = bench("run", "smoke", "--out", str(tmp_path / "results"), "--jobs", "1")
+        assert not (tmp_path / "results" / NAME).exists()
+        assert seen[0]["running"]
+        first, last = said.splitlines()[0], said.splitlines()[-1]
+        assert "sizes: controllers 0/1, fits 0/1, evaluations 0/1; then: evaluations 0/4" in first
+        assert "then: evaluations 4/4" in last
+        assert len(said.splitlines()) <= 5
+
+    def test_nothing_is_said_where_nothing_is_missing(self, task, smoke, bench, tmp_path):
+        command = ("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        bench(*command)
+        assert bench(*command)[2] == ""
+
+    def test_status_counts_controllers(self, task, smoke, bench, tmp_path):
+        bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+        assert "controllers: 1 of 1 done" in bench("status", str(tmp_path))[1]
+        next(tmp_path.glob("controllers/*/controller.json")).unlink()
+        assert "controllers: 0 of 1 done" in bench("status", str(tmp_path))[1]
+
+    def test_long_commands_say_what_they_do(
+        self, task, smoke, bench, tmp_path, monkeypatch, capsys
+    ):
+        monkeypatch.setattr(doing_module, "MOMENT", 0.0)
+        monkeypatch.setattr(doing_module, "EVERY", 0.0)
+        out = str(tmp_path / "results")
+        for command, said in (
+            (("plan", "smoke", "--out", out, "--json"), "measuring how fast this machine is"),
+            (("run", "smoke", "--out", out, "--jobs", "1"), "looking for what is missing"),
+            (("demos", "make", "door"), "recording the expert's demonstrations of door"),
+            (("time", out), "timing the fit of door-kodex"),
+            (("verify", out, "--cells", "1", "--jobs", "1", "--json"), "reading results"),
+            (("report", out), "writing "),
+            (("compare", out, "--methods", "kodex,expert", "--json"), "on door, test"),
+        ):
+            _, stdout, stderr = bench(*command)
+            assert f"bench: {said}" in stderr or said in stderr, command
+            assert "bench: " not in stdout
+            if "--json" in command:
+                json.loads(stdout)
+
+
+def test_what_ends_in_a_moment_says_nothing(capsys, monkeypatch):
+    monkeypatch.setattr(doing_module, "MOMENT", 60.0)
+    with doing("blinking"):
+        say("blinking again")
+    assert capsys.readouterr().err == ""
+
+
+def test_what_takes_longer_says_so_once_for_each_step(capsys, monkeypatch):
+    monkeypatch.setattr(doing_module, "MOMENT", 0.0)
+    monkeypatch.setattr(doing_module, "EVERY", 0.0)
+    with doing("thinking"):
+        say("thinking")
+        say("writing")
+        hush()
+        say("nothing")
+    say("nothing")
+    assert capsys.readouterr().err.splitlines() == ["bench: thinking", "bench: writing"]
+
+
+def test_steps_that_follow_quickly_are_not_all_said(capsys, monkeypatch):
+    monkeypatch.setattr(doing_module, "MOMENT", 0.0)
+    with doing("step 0"):
+        for step in range(1000):
+            say(f"step {step}")
+    assert len(capsys.readouterr().err.splitlines()) <= 2
