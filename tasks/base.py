@@ -288,7 +288,7 @@ class Task(ABC):
 def dropped(height: FloatArray, lifted: float, down: float) -> BoolArray:
     """Returns whether a height (B, T-1) [m] was over ``lifted`` and later below ``down``, (B,)."""
     was_lifted = np.maximum.accumulate(height > lifted, axis=1)
-    return (was_lifted & (height < down)).any(axis=1)
+    return np.any(was_lifted & (height < down), axis=1)
 
 
 def count_decided(count: IntArray, left: int, exceeded: int) -> BoolArray:

@@ -84,7 +84,7 @@ class Door(Task):
         It did if at the last step it is away from the handle of a door that is not even ajar.
         """
         latch, distance = watched[:, :, 0], watched[:, :, 1]
-        turned = (latch > RELEASE_ANGLE).any(axis=1)
+        turned = np.any(latch > RELEASE_ANGLE, axis=1)
         let_go = (distance[:, -1] > REACH) & (readings[:, -1] < AJAR_ANGLE)
         return [~turned, let_go]
 

@@ -87,7 +87,7 @@ class Relocation(Task):
         Where none applies, it was at the target, but not for long enough.
         """
         height = watched[:, :, 0]
-        lifted = (height > BALL_LIFTED).any(axis=1)
+        lifted = np.any(height > BALL_LIFTED, axis=1)
         fell = dropped(height, BALL_LIFTED, BALL_DOWN)
         return [~lifted, fell, self._steps_at_target(readings) == 0]
 

@@ -1,5 +1,7 @@
 """In-hand reorientation: turn the pen to the goal orientation."""
 
+from typing import ClassVar
+
 import numpy as np
 from mujoco.batch import Batch
 
@@ -101,7 +103,12 @@ class Reorientation(Task):
 
     # Failure
     watched = (Component("pen_height", "m", "xpos Object - site_xpos eps_ball, z"),)
-    failure_modes = ("dropped", "not turned", "turned too late", "left again")
+    failure_modes: ClassVar[tuple[str, ...]] = (
+        "dropped",
+        "not turned",
+        "turned too late",
+        "left again",
+    )
 
     def watch(self, batch: Batch) -> FloatArray:
         """Returns the height of the pen above its place in the hand, (B, 1)."""
@@ -113,9 +120,9 @@ class Reorientation(Task):
         Where none applies, it was oriented and then turned away. A pen in the hand stays within
         0.07 m of its place, so that the height of the published code tells that it fell.
         """
-        fell = (watched[:, :, 0] < -PUBLISHED_DROP).any(axis=1)
+        fell = np.any(watched[:, :, 0] < -PUBLISHED_DROP, axis=1)
         oriented = self._oriented(readings)
-        return [fell, ~oriented.any(axis=1), _last(oriented, readings)]
+        return [fell, ~np.any(oriented, axis=1), _last(oriented, readings)]
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:

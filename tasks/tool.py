@@ -79,7 +79,7 @@ class Tool(Task):
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
         """Returns whether the hammer fell once it was lifted; whether the nail never moved."""
         fell = dropped(watched[:, :, 0], HAMMER_LIFTED, HAMMER_DOWN)
-        hit = (readings[:, :1] - readings > NAIL_MOVED).any(axis=1)
+        hit = np.any(readings[:, :1] - readings > NAIL_MOVED, axis=1)
         return [fell, ~hit]
 
     # Observation
