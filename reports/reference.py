@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from safetensors.numpy import load_file, save
 
 from bench.store import CONDITIONS, Source, Store
@@ -111,6 +112,9 @@ class Packed:
         place = tuple(row[name] for name in ("folder", *CONDITIONS))
         return self._episodes[self._places[place]].reset_index(drop=True)
 
+    def readings(self, row: Mapping[str, Any]) -> None:
+        """Returns None: they are not packed."""
+
     def diagnostics(self, folder: str) -> Parameters:
         """See `bench.store.Store.diagnostics`."""
         found = (name.split("/", 1) for name in self._arrays)
@@ -191,6 +195,11 @@ class Together:
         """See `bench.store.Store.outcomes`."""
         place = tuple(row[name] for name in _PLACE)
         return self._sources[self._evaluations[place]].outcomes(row)
+
+    def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
+        """See `bench.store.Store.readings`; None where they are not kept."""
+        place = tuple(row[name] for name in _PLACE)
+        return self._sources[self._evaluations[place]].readings(row)
 
     def diagnostics(self, folder: str) -> Parameters:
         """See `bench.store.Store.diagnostics`."""

@@ -236,6 +236,11 @@ class Task(ABC):
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the readings (B, T-1) after each control step meet the rule, (B,)."""
 
+    @property
+    def ends_early(self) -> bool:
+        """Whether success can be decided, for good, before the last step."""
+        return type(self).decided is not Task.decided
+
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
         """Returns whether success no longer depends on the readings still to come, (B,).
 
