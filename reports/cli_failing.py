@@ -77,7 +77,7 @@ def failures(
 def _tasks(results: "Results", task: str | None) -> list[str]:
     from tasks.registry import get_task
 
-    there = list(results.select().task.unique())
+    there: list[str] = list(results.select().task.unique())
     if task is None:
         return there
     get_task(task)

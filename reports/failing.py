@@ -11,12 +11,14 @@ from matplotlib.figure import Figure
 from reports.reference import is_packed
 from reports.results import Results
 from reports.starts import SPLITS, draw_starts, start_values
-from reports.style import display
+from reports.style import METHODS, display, ordered
 from tasks.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from tasks.base import Task
 
+SHOWN = 500
+"""Starts of a split that a picture shows, the first ones."""
 ELSEWHERE = "succeeds when replayed"
 """Stands for a failure mode of a stored failure of another machine, whose last digits differ."""
 SUCCESS: dict[str, Any] = {"color": "#9cc3de", "marker": "o", "s": 12, "linewidths": 0}
@@ -151,23 +153,25 @@ def known_modes(task: "Task", lost: pd.DataFrame) -> list[Any]:
 
 
 def draw_failures(task: "Task", by_method: dict[str, pd.DataFrame]) -> Figure:
-    """Returns the starts of the lowest seed of each method, by success and failure mode.
+    """Returns the first starts of the lowest seed of each method, by success and failure mode.
 
     Args:
         task: whose starts they are.
         by_method: as `episodes` returns them.
     """
-    firsts = {method: part[part.seed == part.seed.min()] for method, part in by_method.items()}
+    names = ordered(by_method, METHODS)
+    firsts = {name: by_method[name][lambda part: part.seed == part.seed.min()] for name in names}
     together = pd.concat(firsts.values())
     modes = known_modes(task, together[~together.success])
-    looks = {"success": SUCCESS} | {
-        mode or "failure": FAILURES[place % len(FAILURES)] for place, mode in enumerate(modes)
-    }
+    looks = {"success": SUCCESS} if together.success.any() else {}
+    for place, mode in enumerate(modes):
+        looks[mode or "failure"] = FAILURES[place % len(FAILURES)]
     drawing = Figure(figsize=(max(3.1 * len(firsts), 5.2), 3.7), layout="constrained")
     panels = drawing.subplots(1, len(firsts), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (method, part) in zip(panels, firsts.items(), strict=True):
         outcome = part["mode"].fillna("failure").where(~part.success, "success")
-        draw_starts(axes, task, part.assign(outcome=outcome), looks)
+        shown = part.assign(outcome=outcome)[part.start < SHOWN]
+        draw_starts(axes, task, shown, looks)
         axes.label_outer()
         lost = int((~part.success).sum())
         axes.set_title(
@@ -175,7 +179,9 @@ def draw_failures(task: "Task", by_method: dict[str, pd.DataFrame]) -> Figure:
             fontsize=10,
         )
     drawing.suptitle(
-        f"{display(task.name)}: starts (dashed: the training distribution)", fontsize=11
+        f"{display(task.name)}: the first {SHOWN} starts of each split (dashed: training"
+        " distribution)",
+        fontsize=11,
     )
     handles = [panels[0].scatter([], [], label=name, **how) for name, how in looks.items()]
     drawing.legend(

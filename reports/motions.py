@@ -201,7 +201,11 @@ def _start_that_tells(results: Results, rows: Sequence[dict[str, Any]]) -> int:
 def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Returns both errors [rad] of each method on each task."""
     kinds = ["prediction error", "tracking error"]
-    each = table.drop_duplicates(["row", "column"]).melt(["row", "column"], kinds, "kind")
+    each = (
+        table.drop(columns="value")
+        .drop_duplicates(["row", "column"])
+        .melt(["row", "column"], kinds, "kind")
+    )
     names = each.row + " " + each.kind
     return in_order(each.assign(row=names), [f"{m} {k}" for m in METHODS for k in kinds])
 
@@ -222,11 +226,14 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
             if len(part):
                 _draw(axes, part, colour(method, methods))
                 ended = "success" if part.success.iloc[0] else "failure"
-                axes.text(0.98, 0.03, ended, transform=axes.transAxes, ha="right", fontsize=8)
-        start = table[table.column == task].start.iloc[0]
-        line[0].set_ylabel(f"{display(task)} {start}\n{joint} [rad]", fontsize=8.5)
+                axes.set_title(ended, loc="right", fontsize=7.5, pad=2)
+            axes.tick_params(labelsize=8)
+        here = table[(table.column == task) & (table.joint == joint)]
+        start = here.start.iloc[0]
+        line[0].set_ylim(*_limits(here))
+        line[0].set_ylabel(f"{display(task)}, start {start}\n{joint} [rad]", fontsize=8)
     for axes, method in zip(panels[0], methods, strict=True):
-        axes.set_title(exhibit.display(method))
+        axes.set_title(exhibit.display(method), pad=10)
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
     handles = [
@@ -237,6 +244,14 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     ]
     drawing.legend(handles=handles, frameon=False, loc="outside lower center", ncols=len(handles))
     return drawing
+
+
+def _limits(part: pd.DataFrame) -> tuple[float, float]:
+    """The range of where joints were, and some more: a wild prediction leaves the panel."""
+    seen = part[["demonstrated", "tracked"]]
+    low, high = seen.min(axis=None), seen.max(axis=None)
+    margin = 0.25 * (high - low) or 1.0
+    return low - margin, high + margin
 
 
 EXHIBIT = Exhibit(

@@ -19,8 +19,8 @@ SHOWN = 200
 """Starts of a split that are shown, the first ones."""
 SPLITS = ("test", "ood")
 OUTCOMES: dict[str, dict[str, Any]] = {
-    "every seed succeeds": {"color": "#7fb8dd", "marker": "o", "s": 9, "linewidths": 0},
-    "some seeds succeed": {"color": "#de8f05", "marker": "^", "s": 16, "linewidths": 0},
+    "every seed succeeds": {"color": "#a9cbe3", "marker": "o", "s": 9, "linewidths": 0},
+    "some seeds succeed": {"color": "#c96a00", "marker": "^", "s": 16, "linewidths": 0},
     "every seed fails": {"color": "#7a1f00", "marker": "x", "s": 16, "linewidths": 1.1},
 }
 """How starts are drawn."""
@@ -70,9 +70,11 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         for place, component in enumerate(get_task(task).start_components):
             high = inside[component.name] > (box.low[place] + box.high[place]) / 2
             for name, half in (("low half", inside[~high]), ("high half", inside[high])):
-                parts.append(half.assign(place=f"{task} {component.name}, {name}"))
+                number = component.name.removeprefix(f"{task}_")
+                parts.append(half.assign(place=f"{task} {number}, {name}"))
         parts.append(outside.assign(place=f"{task} out of distribution"))
-    means = pd.concat(parts).groupby(["place", "row"], sort=False).value.mean().reset_index()
+    whole = pd.concat([part for part in parts if len(part)])
+    means = whole.groupby(["place", "row"], sort=False).value.mean().reset_index()
     return means.rename(columns={"place": "row", "row": "column"})
 
 
@@ -81,7 +83,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     from tasks.registry import get_task  # imports MuJoCo
 
     methods, tasks = ordered(table.row, METHODS), ordered(table.column, TASKS)
-    size = (2.2 * len(tasks) + 0.5, 1.75 * len(methods) + 0.6)
+    size = (2.4 * len(tasks) + 0.5, 1.75 * len(methods) + 0.6)
     drawing = Figure(figsize=size, layout="constrained")
     panels = drawing.subplots(len(methods), len(tasks), squeeze=False, sharex="col", sharey="col")
     outcome = np.select([table.value == 100, table.value > 0], [*OUTCOMES][:2], [*OUTCOMES][2])
@@ -90,12 +92,13 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         for axes, name in zip(line, tasks, strict=True):
             part = marked[(marked.row == method) & (marked.column == name)]
             draw_starts(axes, get_task(name), part, OUTCOMES)
-            axes.label_outer(remove_inner_ticks=True)
-            axes.yaxis.label.set_visible(True)
+            axes.tick_params(labelsize=7.5)
+            axes.yaxis.label.set_size(8)
+            axes.xaxis.label.set_visible(line[0] is panels[-1, 0])
         line[0].annotate(
             exhibit.display(method),
             (0, 0.5),
-            (-52, 0),
+            (-50, 0),
             xycoords="axes fraction",
             textcoords="offset points",
             rotation=90,

@@ -1,12 +1,15 @@
 """When each method reaches the goal: the share of episodes that have succeeded, over time."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from reports.exhibit import Exhibit, in_order
 from reports.results import Results
-from reports.style import METHODS, colour, dashes, display, ordered
+from reports.style import METHODS, TASKS, colour, dashes, display, ordered
 from tasks.data import CONTROL_STEP, FloatArray
 
 
@@ -40,7 +43,7 @@ def table(results: Results) -> pd.DataFrame:
     return in_order(pd.concat(parts), METHODS) if parts else empty
 
 
-def _curve(results: Results, name: str, row: dict[str, object], count: int) -> FloatArray | None:
+def _curve(results: Results, name: str, row: dict[str, Any], count: int) -> FloatArray | None:
     """The share of the first episodes that would have succeeded had they ended at a step, (T-1,).
 
     None where that takes readings and none are kept.
@@ -53,10 +56,10 @@ def _curve(results: Results, name: str, row: dict[str, object], count: int) -> F
     if task.ends_early:
         met = outcomes.success.to_numpy() & (outcomes.steps.to_numpy() <= steps[:, None])
         return np.asarray(met.mean(axis=1))
-    readings = results.readings(row)
-    if readings is None:
+    kept = results.readings(row)
+    if kept is None:
         return None
-    readings = readings[:count].astype(np.float64)
+    readings = kept[:count].astype(np.float64)
     sound = ~outcomes.diverged.to_numpy()
     return np.array([(task.success(readings[:, :step]) & sound).mean() for step in steps])
 
@@ -73,9 +76,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns one panel a task, one line a method."""
-    tasks = table.column.drop_duplicates().tolist()
-    tasks = ordered(tasks, ("tool", "door", "relocation", "reorientation"))
-    methods = ordered(table.row, METHODS)
+    tasks, methods = ordered(table.column, TASKS), ordered(table.row, METHODS)
     drawing = Figure(figsize=(2.6 * len(tasks) + 1.2, 2.9), layout="constrained")
     panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
     for axes, task in zip(panels, tasks, strict=True):
@@ -92,6 +93,8 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 label=exhibit.display(method),
             )
         axes.set(title=display(task), xlabel="time [s]", ylim=(-2, 104), xlim=(0, None))
+        axes.xaxis.set_major_locator(MultipleLocator(0.25))
+        axes.xaxis.set_major_formatter("{x:g}")
     panels[0].set_ylabel(exhibit.axis)
     handles, labels = panels[0].get_legend_handles_labels()
     drawing.legend(handles, labels, frameon=False, loc="outside right upper", handlelength=3.2)
