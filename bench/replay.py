@@ -91,7 +91,9 @@ def _in_full(seen: Sequence[FloatArray], steps: int) -> FloatArray:
     return found
 
 
-def replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int]) -> Replay:
+def replay(
+    folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: bool = False
+) -> Replay:
     """Returns stored episodes, with what happened in them.
 
     A method of a package runs in a process of its own.
@@ -100,6 +102,7 @@ def replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int]) -> Repla
         folder: results of `bench run`.
         row: of `bench.store.Store.frame`, of the split ``test`` or ``ood``.
         starts: index of one or more starts.
+        whole: go on after success is decided, which ends a stored episode.
 
     Raises:
         InputError: a start was not evaluated; the fit is from other demonstrations than this
@@ -113,12 +116,12 @@ def replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int]) -> Repla
         )
     wanted = [int(start) for start in sorted(starts)]
     if row["method"] in (EXPERT, *SUITE):
-        return _replay(folder, row, wanted)
-    found: Replay = apart(_replay, folder, row, wanted)
+        return _replay(folder, row, wanted, whole)
+    found: Replay = apart(_replay, folder, row, wanted, whole)
     return found
 
 
-def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int]) -> Replay:
+def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: bool) -> Replay:
     store = Store(folder)
     cell = stored_cell(store, row, row["episodes"])
     evaluation, stored = cell.evaluation, learnt(store, cell)
@@ -128,7 +131,8 @@ def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int]) -> Repl
     for first in sorted({start // CHUNK * CHUNK for start in starts}):
         with guarded(f"{cell.fit.label} {evaluation.name}", first):
             watcher = Watcher(make_policy(cell.fit, *stored), starts)
-            found = rollout(task, every[first : first + CHUNK], watcher, evaluation.physics)
+            chunk = every[first : first + CHUNK]
+            found = rollout(task, chunk, watcher, evaluation.physics, whole=whole)
             parts.append(watcher.finish(found))
     planned = [part.planned for part in parts if part.planned is not None]
     return Replay(

@@ -35,7 +35,7 @@ def motions(
     """Returns where the hand's joints were to be, and were, in one stored episode of ``test``.
 
     One row for each joint and time, columns: ``t`` [s], ``joint``, ``predicted`` by the method
-    (NaN where it acts in closed loop), ``tracked`` in the episode (NaN after its end),
+    (NaN where it acts in closed loop), ``tracked`` in the episode (NaN once it has diverged),
     ``demonstrated`` by the suite's expert from the same start, or, where the fit learnt from other
     demonstrations, in that of the nearest start; ``error``, the mean |predicted - demonstrated|
     of the fit over validation demonstrations and time; ``unit``, rad or m, of all of these.
@@ -65,7 +65,7 @@ def _motions(
     from tasks.registry import get_task
 
     task = get_task(row["task"])
-    seen = replay(results.folder, row, [start])
+    seen = replay(results.folder, row, [start], whole=True)
     tracked = seen.joints[0]
     nothing = np.full_like(tracked, np.nan)
     predicted = nothing if seen.planned is None else seen.planned[0]
