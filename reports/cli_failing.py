@@ -51,13 +51,14 @@ def failures(
     from tasks.registry import get_task
 
     results = Results(results_folder(folder, packed=True))
+    place = writable_folder(out or folder / "pictures")
     tables, pictures = [], []
     for name in _tasks(results, task):
         by_method = _episodes(results, name, method, split, seed)
         for one, whole in by_method.items():
             counts = count_modes(get_task(name), whole)
             tables.append(counts.assign(task=name, method=one, seeds=whole.seed.nunique()))
-        pictures.append(_draw(name, by_method, writable_folder(out or folder / "pictures")))
+        pictures.append(_draw(name, by_method, place))
     table = pd.concat(tables, ignore_index=True)
     films = [] if is_packed(folder) else _films(folder, table)
     if as_json:
@@ -75,9 +76,11 @@ def failures(
 
 
 def _tasks(results: "Results", task: str | None) -> list[str]:
+    from reports.starts import SPLITS
     from tasks.registry import get_task
 
-    there: list[str] = list(results.select().task.unique())
+    found = results.select()
+    there: list[str] = list(found.task[found.split.isin(SPLITS)].unique())
     if task is None:
         return there
     get_task(task)
@@ -93,21 +96,22 @@ def _episodes(
     import pandas as pd
 
     from reports.failing import episodes
+    from reports.remarks import EXPERT
     from reports.starts import SPLITS
 
     if split is not None and split not in SPLITS:
         raise unknown_name("split", split, SPLITS)
     here = results.select(task=task)
+    here = here[here.split.isin(SPLITS if split is None else [split])]
     known = list(here.method.unique())
-    learners = [name for name in known if name != "expert"] or known
+    if not known:
+        raise InputError(f"{results.folder} holds no results of {task} on split {split!r}")
+    learners = [name for name in known if name != EXPERT] or known
     chosen = known_names("--method", "method with results", method, known) if method else learners
     found = {}
     for name in chosen:
-        there = [one for one in SPLITS if ((here.method == name) & (here.split == one)).any()]
-        wanted = [one for one in there if split in (None, one)]
-        if not wanted:
-            raise InputError(f"{results.folder} holds no results of {name} on {task} on {split}")
-        parts = [episodes(results.folder, task, name, one, seed) for one in wanted]
+        splits = [one for one in SPLITS if one in set(here.split[here.method == name])]
+        parts = [episodes(results.folder, task, name, one, seed) for one in splits]
         found[name] = pd.concat(parts, ignore_index=True)
     return found
 

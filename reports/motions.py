@@ -15,12 +15,13 @@ from matplotlib.patches import Patch
 from bench.store import Store
 from reports.exhibit import Exhibit, in_order
 from reports.failing import evaluations
+from reports.remarks import EXPERT
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, display, ordered
 from tasks.data import CONTROL_STEP, FloatArray
 from tasks.errors import InputError, unknown_name
 
-EXPERT = "expert"
+
 PREDICTED = (0, (3, 1.2))
 """Dashes of what was predicted."""
 JOINTS = 2
