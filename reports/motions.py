@@ -21,7 +21,6 @@ from reports.style import METHODS, TASKS, colour, display, ordered
 from tasks.data import CONTROL_STEP, FloatArray
 from tasks.errors import InputError, unknown_name
 
-
 PREDICTED = (0, (3, 1.2))
 """Dashes of what was predicted."""
 JOINTS = 2
