@@ -23,6 +23,7 @@ from tasks.errors import InputError, unknown_name
 
 PREDICTED = (0, (3, 1.2))
 """Dashes of what was predicted."""
+BAND = "mean prediction error"
 JOINTS = 2
 """Joints of a task that the exhibit shows: those that the demonstrated motion turns most."""
 COMPARED = 100
@@ -119,7 +120,7 @@ def draw_motion(frame: pd.DataFrame, joints: Sequence[str] | None = None) -> Fig
     for joint in chosen:
         if joint not in known:
             raise unknown_name("joint", joint, known)
-    drawing = Figure(figsize=(5.6, 1.7 * len(chosen) + 0.6), layout="constrained")
+    drawing = Figure(figsize=(6.4, 1.7 * len(chosen) + 0.6), layout="constrained")
     panels = drawing.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
     for axes, joint in zip(panels, chosen, strict=True):
         part = frame[frame.joint == joint]
@@ -136,7 +137,7 @@ def _draw(axes: Axes, part: pd.DataFrame, shade: str) -> None:
     axes.plot(part.t, part.demonstrated, color="black", lw=1.0, label="demonstrated")
     if part.predicted.notna().any():
         low, high = part.predicted - part.error, part.predicted + part.error
-        axes.fill_between(part.t, low, high, color=shade, alpha=0.18, lw=0)
+        axes.fill_between(part.t, low, high, color=shade, alpha=0.18, lw=0, label=BAND)
         axes.plot(part.t, part.predicted, color=shade, lw=1.4, ls=PREDICTED, label="predicted")
     axes.plot(part.t, part.tracked, color=shade, lw=1.8, label="tracked")
 
@@ -240,7 +241,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         Line2D([], [], color="black", lw=1.0, label="demonstrated"),
         Line2D([], [], color="#666666", lw=1.4, ls=PREDICTED, label="predicted"),
         Line2D([], [], color="#666666", lw=1.8, label="tracked"),
-        Patch(color="#666666", alpha=0.18, lw=0, label="mean prediction error"),
+        Patch(color="#666666", alpha=0.18, lw=0, label=BAND),
     ]
     drawing.legend(handles=handles, frameon=False, loc="outside lower center", ncols=len(handles))
     return drawing
