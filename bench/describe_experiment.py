@@ -31,13 +31,13 @@ ABOUT = {
         measures="Success from unseen starts of the training distribution: the main comparison.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("table_6",),
-        own=("unseen", "all_tasks"),
+        own=("unseen", "all_tasks", "starts", "success_over_time", "motions"),
     ),
     "ood": About(
         measures="Success from starts outside the ranges of the training distribution.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("figure_5",),
-        own=("all_tasks",),
+        own=("all_tasks", "starts"),
     ),
     "robustness": About(
         measures="Success with other masses of the hand or the object (appendix I).",

@@ -71,6 +71,9 @@ class Packed:
         place = tuple(row[name] for name in ("folder", *CONDITIONS))
         return self._episodes[self._places[place]].reset_index(drop=True)
 
+    def readings(self, row: Mapping[str, Any]) -> None:
+        """Returns None: they are not packed."""
+
     def diagnostics(self, folder: str) -> Parameters:
         """See `bench.store.Store.diagnostics`."""
         found = (name.split("/", 1) for name in self._arrays)

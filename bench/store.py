@@ -34,6 +34,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
+from numpy.typing import NDArray
 
 from bench.controller import NO_CONTROLLER, ON_SUCCESSES, TUNED
 from bench.labels import labelled
@@ -380,6 +381,12 @@ class Store:
         frame: pd.DataFrame = pd.read_parquet(path, columns=columns)
         return frame
 
+    def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
+        """Returns what the rule reads after each control step (B, T-1) of a row of `frame`."""
+        path = self.cells / row["folder"] / f"{evaluation_name(row)}.parquet"
+        column = pq.read_table(path, columns=["readings"])["readings"].combine_chunks()
+        return np.asarray(column.flatten()).reshape(len(column), -1)
+
     # Failures
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
         """Notes why there is no result of that label, and how often it was tried in all."""
@@ -499,6 +506,9 @@ class Source(Protocol):
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """See `Store.outcomes`."""
+
+    def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
+        """See `Store.readings`; None where they are not kept."""
 
     def diagnostics(self, folder: str) -> Parameters:
         """See `Store.diagnostics`."""

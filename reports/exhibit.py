@@ -43,6 +43,8 @@ class Exhibit:
     """The task or the method that all of it is about, where the table does not name it."""
     remarks: tuple[Remark, ...] = ()
     """Of the results that it is made from, see `with_remarks`."""
+    summary: Callable[[pd.DataFrame], pd.DataFrame] | None = None
+    """Returns what people read of a table that is too long for them, as such a table."""
     suffixes: Mapping[str, str] = field(default_factory=dict)
     """By name of a method, what follows it."""
 
@@ -64,7 +66,9 @@ class Exhibit:
         if "n" in table and table.n.notna().any():
             said.append(f"n = {_range(table.n)} episodes of each fit.")
         if "seeds" in table and table.seeds.notna().any():
-            said.append(f"Seeds: {_range(table.seeds)}. {_intervals(int(table.seeds.max()))}")
+            said.append(f"Seeds: {_range(table.seeds)}.")
+            if "low" in table:
+                said.append(_intervals(int(table.seeds.max())))
         if "diverged" in table and table.diverged.sum():
             said.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
         if "published" in table and table.published.notna().any():
@@ -76,6 +80,7 @@ class Exhibit:
 
     def wide(self, table: pd.DataFrame) -> pd.DataFrame:
         """Returns the table for people: one line a row, one text a cell."""
+        table = self.summary(table) if self.summary else table
         texts = table.assign(text=[self._text(row) for row in table.to_dict("records")])
         order = {name: texts[name].drop_duplicates().tolist() for name in ("row", "column")}
         wide = texts.pivot(index="row", columns="column", values="text")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from safetensors.numpy import save
 
 from bench.packed import Packed, open_results, shipped
@@ -99,6 +100,11 @@ class Together:
         """See `bench.store.Store.outcomes`."""
         place = tuple(row[name] for name in _PLACE)
         return self._sources[self._evaluations[place]].outcomes(row)
+
+    def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
+        """See `bench.store.Store.readings`; None where they are not kept."""
+        place = tuple(row[name] for name in _PLACE)
+        return self._sources[self._evaluations[place]].readings(row)
 
     def diagnostics(self, folder: str) -> Parameters:
         """See `bench.store.Store.diagnostics`."""

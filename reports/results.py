@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from bench.controller import AUDITED
 from bench.labels import EXPERT, labelled
@@ -159,6 +160,10 @@ class Results:
     def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
         """Returns the episodes of a row of the frame, see `bench.store.Store.outcomes`."""
         return self.source.outcomes(row)
+
+    def readings(self, row: dict[str, Any]) -> NDArray[np.float32] | None:
+        """Returns the readings (B, T-1) of a row of the frame; None where they are not kept."""
+        return self.source.readings(row)
 
     def success(self, **values: object) -> BoolArray | None:
         """Returns success of each seed's fit from each start, (S, N), of what `main` selects.

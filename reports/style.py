@@ -26,6 +26,14 @@ TASKS = ("tool", "door", "relocation", "reorientation")
 METHODS = ("expert", "kodex", "nn", "lstm", "ndp", "ngf")
 PUBLISHED = "#222222"
 MARKS = ("", "///", "...", "\\\\\\", "xx", "--", "++")
+DASHES: tuple[Any, ...] = (
+    (0, (1, 1)),
+    "-",
+    (0, (5, 1.5)),
+    (0, (6, 1.5, 1, 1.5)),
+    (0, (2.5, 1)),
+    (0, (6, 1, 1, 1, 1, 1)),
+)
 _COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex())
 """Those of the methods."""
 _OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
@@ -62,6 +70,11 @@ def colour(row: str, rows: Sequence[str]) -> str:
 def hatch(row: str, rows: Sequence[str]) -> str:
     """Returns the hatch of a method's bars, likewise."""
     return MARKS[_index(row, rows) % len(MARKS)]
+
+
+def dashes(row: str, rows: Sequence[str]) -> Any:
+    """Returns the dashes of a method's lines, likewise."""
+    return DASHES[_index(row, rows) % len(DASHES)]
 
 
 def _index(row: str, rows: Sequence[str]) -> int:

@@ -16,13 +16,25 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 
-from tasks.data import BoolArray, FloatArray, IntArray, Layout, Starts, generator
+from tasks.data import (
+    BoolArray,
+    Episodes,
+    FloatArray,
+    IntArray,
+    Layout,
+    Starts,
+    generator,
+)
 from tasks.errors import InputError, unknown_name
 
 IN_DISTRIBUTION = ("train", "demo", "probe", "test")
 """Splits drawn from the same ranges: to train experts, demonstrate, choose experts, test."""
 SPLITS = (*IN_DISTRIBUTION, "ood")
+
+DIVERGED = "diverged"
+"""The failure mode of an episode whose simulation broke down, in every task."""
 
 OBJECT_JOINTS = 6
 """Free objects hang on three slides and three hinges, which are the last joints of the model."""
@@ -224,6 +236,11 @@ class Task(ABC):
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the readings (B, T-1) after each control step meet the rule, (B,)."""
 
+    @property
+    def ends_early(self) -> bool:
+        """Whether success can be decided, for good, before the last step."""
+        return type(self).decided is not Task.decided
+
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
         """Returns whether success no longer depends on the readings still to come, (B,).
 
@@ -233,6 +250,37 @@ class Task(ABC):
         """
         return np.full(len(readings), left == 0)
 
+    # Failure
+    watched: ClassVar[tuple[Component, ...]] = ()
+    """What tells how an episode failed, beside the readings."""
+    failure_modes: ClassVar[tuple[str, ...]] = ("rule not met",)
+    """How an episode can fail: the first that applies counts, and the last where no other does."""
+
+    def watch(self, batch: Batch) -> FloatArray:
+        """Returns the watched quantities of this moment, (B, W)."""
+        return np.empty((batch.nsim, 0))
+
+    def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
+        """Returns whether each failure mode but the last applies, (B,) each.
+
+        Args:
+            readings: (B, T-1) after each control step; NaN after the end of an episode.
+            watched: (B, T-1, W) at the same moments, likewise.
+        """
+        return []
+
+    def modes(self, episodes: Episodes, watched: FloatArray) -> NDArray[np.str_]:
+        """Returns how each episode failed, (B,): `DIVERGED`, a failure mode, or "" for a success.
+
+        Args:
+            episodes: with their readings.
+            watched: (B, T-1, W), see `failed_by`.
+        """
+        names = [DIVERGED, *self.failure_modes[:-1]]
+        applies = [episodes.diverged, *self.failed_by(episodes.readings, watched)]
+        failed = np.select(applies, names, self.failure_modes[-1])
+        return np.where(episodes.success, "", failed)
+
     # Observation
     @abstractmethod
     def observe(self, batch: Batch) -> FloatArray:
@@ -240,6 +288,12 @@ class Task(ABC):
 
         Unlike there, kinematics are those of the present: the environment's own lag by a substep.
         """
+
+
+def dropped(height: FloatArray, lifted: float, down: float) -> BoolArray:
+    """Returns whether a height (B, T-1) [m] was over ``lifted`` and later below ``down``, (B,)."""
+    was_lifted = np.maximum.accumulate(height > lifted, axis=1)
+    return np.any(was_lifted & (height < down), axis=1)
 
 
 def count_decided(count: IntArray, left: int, exceeded: int) -> BoolArray:

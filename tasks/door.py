@@ -10,6 +10,12 @@ OPEN_ANGLE = 1.35
 """Hinge angle beyond which the door counts as open [rad] (appendix C)."""
 AJAR_ANGLE = 1.0
 """Hinge angle beyond which the observation's flag says that the door is open [rad]."""
+RELEASE_ANGLE = 1.2
+"""Latch angle from which the bolt clears the frame [rad]: with the latch held below it, the door
+cannot be pulled open."""
+REACH = 0.1
+"""Distance from palm to handle beyond which the hand does not hold it [m]. The expert's is some
+0.03 m while it pulls."""
 
 
 class Door(Task):
@@ -58,6 +64,29 @@ class Door(Task):
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the door is open after the last step, (B,)."""
         return readings[:, -1] > OPEN_ANGLE
+
+    # Failure
+    watched = (
+        Component("latch_angle", "rad", "qpos latch"),
+        Component("palm_distance", "m", "|site_xpos S_grasp - site_xpos S_handle|"),
+    )
+    failure_modes = ("latch not turned", "hand lost the handle", "opened too little")
+
+    def watch(self, batch: Batch) -> FloatArray:
+        """Returns latch angle and distance from palm to handle, (B, 2)."""
+        latch = batch.joint("latch").qpos
+        apart = batch.site("S_grasp").xpos - batch.site("S_handle").xpos
+        return np.concatenate([latch, np.linalg.norm(apart, axis=1, keepdims=True)], axis=1)
+
+    def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
+        """Returns whether the latch was never turned far enough; whether the hand let go too soon.
+
+        It did if at the last step it is away from the handle of a door that is not even ajar.
+        """
+        latch, distance = watched[:, :, 0], watched[:, :, 1]
+        turned = np.any(latch > RELEASE_ANGLE, axis=1)
+        let_go = (distance[:, -1] > REACH) & (readings[:, -1] < AJAR_ANGLE)
+        return [~turned, let_go]
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:

@@ -3,13 +3,16 @@
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, xyz
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, dropped, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
 
 TARGET_RADIUS = 0.1
 """Distance below which the ball counts as at the target [m] (appendix C)."""
 STEPS_AT_TARGET = 10
 """The ball must be there for more than this many steps (appendix C)."""
+BALL_LIFTED, BALL_DOWN = 0.07, 0.04
+"""Heights of the ball's centre [m]: a radius above where it rests, which a nudge does not
+reach; and back on the table (the environment's reward counts it as lifted from 0.04 m)."""
 
 
 class Relocation(Task):
@@ -69,6 +72,24 @@ class Relocation(Task):
 
     def _steps_at_target(self, readings: FloatArray) -> IntArray:
         return (readings < TARGET_RADIUS).sum(axis=1)
+
+    # Failure
+    watched = (Component("ball_height", "m", "xpos Object, z"),)
+    failure_modes = ("not lifted", "dropped", "not brought there", "not kept there")
+
+    def watch(self, batch: Batch) -> FloatArray:
+        """Returns the height of the ball's centre, (B, 1)."""
+        return batch.body("Object").xpos[:, 2:].copy()
+
+    def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
+        """Returns whether the ball never left the table; fell; was never at the target.
+
+        Where none applies, it was at the target, but not for long enough.
+        """
+        height = watched[:, :, 0]
+        lifted = np.any(height > BALL_LIFTED, axis=1)
+        fell = dropped(height, BALL_LIFTED, BALL_DOWN)
+        return [~lifted, fell, self._steps_at_target(readings) == 0]
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:

@@ -1,5 +1,7 @@
 """In-hand reorientation: turn the pen to the goal orientation."""
 
+from typing import ClassVar
+
 import numpy as np
 from mujoco.batch import Batch
 
@@ -94,7 +96,33 @@ class Reorientation(Task):
         return count_decided(self._steps_oriented(readings), left, STEPS_ORIENTED)
 
     def _steps_oriented(self, readings: FloatArray) -> IntArray:
-        return (readings > SIMILARITY).sum(axis=1)
+        return self._oriented(readings).sum(axis=1)
+
+    def _oriented(self, readings: FloatArray) -> BoolArray:
+        return readings > SIMILARITY
+
+    # Failure
+    watched = (Component("pen_height", "m", "xpos Object - site_xpos eps_ball, z"),)
+    failure_modes: ClassVar[tuple[str, ...]] = (
+        "dropped",
+        "not turned",
+        "turned too late",
+        "left again",
+    )
+
+    def watch(self, batch: Batch) -> FloatArray:
+        """Returns the height of the pen above its place in the hand, (B, 1)."""
+        return _height(batch)
+
+    def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
+        """Returns whether the pen fell; was never oriented; was so at the end of the episode.
+
+        Where none applies, it was oriented and then turned away. A pen in the hand stays within
+        0.07 m of its place, so that the height of the published code tells that it fell.
+        """
+        fell = np.any(watched[:, :, 0] < -PUBLISHED_DROP, axis=1)
+        oriented = self._oriented(readings)
+        return [fell, ~np.any(oriented, axis=1), _last(oriented, readings)]
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:
@@ -119,9 +147,8 @@ class PublishedReorientation(Reorientation):
 
     def read(self, batch: Batch) -> FloatArray:
         """Returns the cosine, less `UNSETTLED` where the pen is dropped or too fast, (B,)."""
-        height = batch.body("Object").xpos[:, 2] - batch.site("eps_ball").xpos[:, 2]
         speed = np.abs(batch.qvel[:, -OBJECT_JOINTS:]).mean(axis=1)
-        unsettled = (np.abs(height) > PUBLISHED_DROP) | ~(speed < PUBLISHED_SPEED)
+        unsettled = (np.abs(_height(batch)[:, 0]) > PUBLISHED_DROP) | ~(speed < PUBLISHED_SPEED)
         return super().read(batch) - UNSETTLED * unsettled
 
     def success(self, readings: FloatArray) -> BoolArray:
@@ -133,9 +160,31 @@ class PublishedReorientation(Reorientation):
         hopeless = self._steps_oriented(readings) + left <= STEPS_ORIENTED
         return hopeless | (left == 0)
 
-    def _steps_oriented(self, readings: FloatArray) -> IntArray:
+    failure_modes = (*Reorientation.failure_modes, "not settled at the end")
+
+    def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
+        """Returns what the appendix's failures are, of a pen that was not oriented for long enough.
+
+        Where none applies, it was, and is too fast or away from its place at the end.
+        """
+        fell, *others = super().failed_by(readings, watched)
+        short = self._steps_oriented(readings) <= STEPS_ORIENTED
+        return [fell, *(short & one for one in others), short]
+
+    def _oriented(self, readings: FloatArray) -> BoolArray:
         settled = readings > -UNSETTLED / 2
-        return super()._steps_oriented(np.where(settled, readings, readings + UNSETTLED))
+        return super()._oriented(np.where(settled, readings, readings + UNSETTLED))
+
+
+def _height(batch: Batch) -> FloatArray:
+    """Height of the pen above its place [m], (B, 1)."""
+    return batch.body("Object").xpos[:, 2:] - batch.site("eps_ball").xpos[:, 2:]
+
+
+def _last(oriented: BoolArray, readings: FloatArray) -> BoolArray:
+    """Whether the pen was oriented at the last reading of each episode that there is, (B,)."""
+    last = np.maximum(np.isfinite(readings).sum(axis=1) - 1, 0)
+    return oriented[np.arange(len(oriented)), last]
 
 
 def goal_frame(goal: FloatArray) -> FloatArray:

@@ -3,11 +3,16 @@
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, xyz
+from tasks.base import OBJECT_JOINTS, Component, Range, Task, dropped, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
 
 NAIL_DISTANCE = 0.01
 """Distance from nail to goal below which the nail counts as driven in [m] (appendix C)."""
+NAIL_MOVED = 0.001
+"""The nail was hit if it came closer to its goal by more than this [m]; untouched, it stays."""
+HAMMER_LIFTED, HAMMER_DOWN = 0.07, 0.04
+"""Heights of the hammer's centre [m]: clear of the table, and back on it (the environment's reward
+counts it as lifted from 0.04 m)."""
 PUBLISHED_STEPS = 30
 """Control steps after which the published code judges an episode."""
 CONTACT_MARGIN = 0.01
@@ -62,6 +67,20 @@ class Tool(Task):
     def success(self, readings: FloatArray) -> BoolArray:
         """Returns whether the nail is at its goal after the last step, (B,)."""
         return readings[:, -1] < NAIL_DISTANCE
+
+    # Failure
+    watched = (Component("hammer_height", "m", "xpos Object, z"),)
+    failure_modes = ("hammer dropped", "nail not reached", "not driven far enough")
+
+    def watch(self, batch: Batch) -> FloatArray:
+        """Returns the height of the hammer's centre, (B, 1)."""
+        return batch.body("Object").xpos[:, 2:].copy()
+
+    def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
+        """Returns whether the hammer fell once it was lifted; whether the nail never moved."""
+        fell = dropped(watched[:, :, 0], HAMMER_LIFTED, HAMMER_DOWN)
+        hit = np.any(readings[:, :1] - readings > NAIL_MOVED, axis=1)
+        return [fell, ~hit]
 
     # Observation
     def observe(self, batch: Batch) -> FloatArray:

@@ -182,6 +182,7 @@ READERS = {
     "pack": ("pack", "DIR", "--out", "OUT"),
     "report": ("report", "DIR"),
     "compare": ("compare", "DIR", "--methods", "kodex,nn"),
+    "failures": ("failures", "DIR"),
     "verify": ("verify", "DIR"),
     "video": ("video", "door", "--results", "DIR", "--methods", "kodex"),
 }
@@ -283,6 +284,7 @@ OUTPUTS = {
     "new-method": ("new-method", "mine", "--folder", "OUT"),
     "expert train": ("expert", "train", "door", "--folder", "OUT"),
     "video": ("video", "door", "--results", "RESULTS", "--methods", "kodex", "--out", "OUT"),
+    "failures": ("failures", "RESULTS", "--out", "OUT"),
 }
 
 

@@ -1,0 +1,153 @@
+"""`bench failures`: which starts fail, and how."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bench.options import AsJson, number, results_folder
+from bench.parsing import known_names
+from tasks.errors import InputError, unknown_name
+from tasks.files import whole_file, writable_folder
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from reports.results import Results
+
+FIRST = 5
+"""Start indices that a row of the table shows."""
+
+
+def failures(
+    folder: Annotated[Path, typer.Argument(help="Folder of `bench run` or `bench pack`.")],
+    method: Annotated[
+        str | None,
+        typer.Option(help="Comma-separated methods, a panel each. Default: all but the expert."),
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help="Name of a task, such as door. Default: all with results.")
+    ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(help="Starts: test, or ood (out of distribution). Default: both."),
+    ] = None,
+    seed: Annotated[int | None, number(0, "Seed of the fits. Default: all.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the pictures. Default: FOLDER/pictures.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show which starts fail, and how: a table, and a picture of the starts of each task.
+
+    Failed episodes are replayed to see how they failed; packed results hold no fits for that.
+    """
+    import pandas as pd
+
+    from bench.packed import is_packed
+    from reports.failing import count_modes
+    from reports.results import Results
+    from tasks.registry import get_task
+
+    results = Results(results_folder(folder, packed=True))
+    place = writable_folder(out or folder / "pictures")
+    tables, pictures = [], []
+    for name in _tasks(results, task):
+        by_method = _episodes(results, name, method, split, seed)
+        for one, whole in by_method.items():
+            counts = count_modes(get_task(name), whole)
+            tables.append(counts.assign(task=name, method=one, seeds=whole.seed.nunique()))
+        pictures.append(_draw(name, by_method, place))
+    table = pd.concat(tables, ignore_index=True)
+    films = [] if is_packed(folder) else _films(folder, table)
+    if as_json:
+        records = json.loads(table.to_json(orient="records"))
+        said = {"modes": records, "pictures": [str(path) for path in pictures], "films": films}
+        print(json.dumps(said))
+        return
+    print(_for_people(table))
+    if is_packed(folder):
+        print("packed results hold no fits, so that how an episode failed is not known")
+    for path in pictures:
+        print(path)
+    for film in films:
+        print(f"film: {film}")
+
+
+def _tasks(results: "Results", task: str | None) -> list[str]:
+    from reports.starts import SPLITS
+    from tasks.registry import get_task
+
+    found = results.select()
+    there: list[str] = list(found.task[found.split.isin(SPLITS)].unique())
+    if task is None:
+        return there
+    get_task(task)
+    if task not in there:
+        raise unknown_name("task with results", task, there)
+    return [task]
+
+
+def _episodes(
+    results: "Results", task: str, method: str | None, split: str | None, seed: int | None
+) -> "dict[str, pd.DataFrame]":
+    """The episodes of each method on a task, on the splits that there are results of."""
+    import pandas as pd
+
+    from bench.spec import EXPERT
+    from reports.failing import episodes
+    from reports.starts import SPLITS
+
+    if split is not None and split not in SPLITS:
+        raise unknown_name("split", split, SPLITS)
+    here = results.select(task=task)
+    here = here[here.split.isin(SPLITS if split is None else [split])]
+    known = list(here.method.unique())
+    if not known:
+        raise InputError(f"{results.folder} holds no results of {task} on split {split!r}")
+    learners = [name for name in known if name != EXPERT] or known
+    chosen = known_names("--method", "method with results", method, known) if method else learners
+    found = {}
+    for name in chosen:
+        splits = [one for one in SPLITS if one in set(here.split[here.method == name])]
+        parts = [episodes(results.folder, task, name, one, seed) for one in splits]
+        found[name] = pd.concat(parts, ignore_index=True)
+    return found
+
+
+def _draw(task: str, by_method: "dict[str, pd.DataFrame]", folder: Path) -> Path:
+    from reports.failing import draw_failures
+    from reports.style import style
+    from tasks.registry import get_task
+
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"failures-{task}.png"
+    with style(), whole_file(path) as file:
+        draw_failures(get_task(task), by_method).savefig(file, format="png")
+    return path
+
+
+def _for_people(table: "pd.DataFrame") -> str:
+    shown = table.assign(
+        mode=table["mode"].fillna("-"),
+        share=table.share.map("{:.1f}%".format),
+        first_starts=[
+            ", ".join(map(str, starts[:FIRST])) + ", ..." * (len(starts) > FIRST)
+            for starts in table.starts
+        ],
+    )
+    columns = ["task", "method", "split", "mode", "failed", "episodes", "share", "first_starts"]
+    named = shown[columns].rename(columns={"first_starts": "first starts"})
+    text: str = named.to_markdown(index=False, disable_numparse=True)
+    return text if len(table) else "no episode failed"
+
+
+def _films(folder: Path, table: "pd.DataFrame") -> list[str]:
+    """For each task, the command that films its methods from the first start of a failure."""
+    lost = table[table.split == "test"]
+    return [
+        f"bench video {task} --results {folder} --methods {','.join(part.method.unique())}"
+        f" --start {min(part.starts.iloc[0])}"
+        for task, part in lost.groupby("task", sort=False)
+    ]

@@ -1,0 +1,259 @@
+"""Which episodes fail, and how: `bench failures`, the data frames behind it, and their pictures."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.replay import replay
+from bench.store import Store
+from reports.failing import ELSEWHERE, FAILURES, count_modes, draw_failures, failures
+from reports.motions import draw_motion, motions
+from reports.results import Results
+from reports.starts import shown_numbers, start_values
+from reports.starts import summary as halves
+from reports.success_over_time import summary as half_times
+from reports.success_over_time import table as over_time
+from tasks.base import DIVERGED
+from tasks.demos import record
+from tasks.errors import InputError
+from tasks.experts import load_expert
+from tasks.registry import TASKS, get_task
+
+STARTS = 7
+
+
+@pytest.fixture
+def results(bench, task, smoke, tmp_path):
+    """Results of KODex and the expert, whose every third start fails."""
+    folder = tmp_path / "results"
+    options = ("--experiments", "success,ood", "--episodes", str(STARTS), "--jobs", "1")
+    assert bench("run", "smoke", "--tasks", task.name, *options, "--out", str(folder))[0] == 0
+    return folder
+
+
+def row_of(folder, method, split="test"):
+    frame = Results(folder).main(method=method, split=split)
+    return frame.to_dict("records")[0]
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+class TestFailures:
+    def test_there_is_a_row_with_one_mode_for_each_failed_episode(self, task, results):
+        found = failures(results, task.name, "kodex")
+        stored = Store(results).outcomes(row_of(results, "kodex"))
+        assert found.start.tolist() == stored.start[~stored.success].tolist() == [0, 3, 6]
+        assert set(found["mode"]) <= {DIVERGED, *task.failure_modes}
+        assert set(found.split) == {"test"}
+        assert found.steps.tolist() == stored.steps[~stored.success].tolist()
+        numbers = [component.name for component in task.start_components]
+        np.testing.assert_array_equal(
+            found[numbers], task.sample("test", STARTS).values[found.start]
+        )
+
+    def test_the_command_counts_modes_draws_starts_and_names_the_film(self, bench, task, results):
+        code, out, err = bench("failures", str(results), "--method", "kodex", "--split", "test")
+        assert code == 0
+        assert "replaying 3 failed episodes: kodex, seed 0" in err
+        assert "0, 3, 6" in out
+        path = results / "pictures" / f"failures-{task.name}.png"
+        assert path.stat().st_size
+        assert str(path) in out
+        film = f"film: bench video {task.name} --results {results} --methods kodex --start 0"
+        assert film in out
+
+    def test_json_holds_every_failing_start_of_both_splits(self, bench, task, results):
+        code, out, _ = bench("failures", str(results), "--json")
+        said = json.loads(out)
+        assert code == 0
+        assert {row["split"] for row in said["modes"]} == {"test", "ood"}
+        assert {row["method"] for row in said["modes"]} == {"kodex"}
+        starts = [one for row in said["modes"] if row["split"] == "test" for one in row["starts"]]
+        assert sorted(starts) == [0, 3, 6]
+        assert said["pictures"] == [str(results / "pictures" / f"failures-{task.name}.png")]
+
+    def test_packed_results_show_starts_without_modes(self, bench, task, results, tmp_path):
+        packed = tmp_path / "packed"
+        assert bench("pack", str(results), "--out", str(packed))[0] == 0
+        found = failures(packed, task.name, "kodex")
+        assert found.start.tolist() == [0, 3, 6]
+        assert found["mode"].isna().all()
+        code, out, _ = bench("failures", str(packed))
+        assert code == 0
+        assert "packed results hold no fits" in out
+        assert "film" not in out
+        assert (packed / "pictures" / f"failures-{task.name}.png").stat().st_size
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+class TestErrors:
+    def test_what_is_not_there_is_named(self, bench, results):
+        for options, reason in {
+            ("--method", "kodx"): "did you mean 'kodex'",
+            ("--task", "dor"): "did you mean 'door'",
+            ("--task", "tool"): "unknown task with results 'tool'",
+            ("--split", "tst"): "did you mean 'test'",
+            ("--seed", "9"): "kodex has no results of seed 9 on door; it has 0",
+        }.items():
+            code, _, err = bench("failures", str(results), *options)
+            assert code == 2
+            assert reason in err
+        assert not (results / "pictures").exists()
+        with pytest.raises(InputError, match="start 7 of door/test has no stored episode of kodex"):
+            motions(results, "door", "kodex", STARTS)
+
+
+@pytest.mark.parametrize("task", ["tool", "reorientation"], indirect=True)
+def test_a_replay_is_the_stored_episode(task, results):
+    for method in ("kodex", "expert"):
+        for split in ("test", "ood"):
+            row = row_of(results, method, split)
+            seen = replay(results, row, [1, 4, 5]).episodes
+            stored = Store(results).outcomes(row).iloc[[1, 4, 5]]
+            readings = Store(results).readings(row)[[1, 4, 5]]
+            assert seen.steps.tolist() == stored.steps.tolist()
+            np.testing.assert_array_equal(seen.readings.astype(np.float32), readings)
+
+
+@pytest.mark.parametrize("task", ["relocation"], indirect=True)
+class TestMotions:
+    def test_they_are_the_joints_of_the_stored_episode_and_of_the_expert(self, task, results):
+        found = motions(results, task.name, "expert", 4)
+        assert found.predicted.isna().all()
+        names = [one.name for one in task.components[: task.robot_dim]]
+        expert = load_expert(task).policy
+        shown = record(task, task.sample("test", 5)[4:], expert, failures=True)[1]
+        wide = found.pivot(index="t", columns="joint", values="demonstrated")[names]
+        np.testing.assert_array_equal(wide, shown.states[0, :, : task.robot_dim])
+        tracked = found.pivot(index="t", columns="joint", values="tracked")[names]
+        np.testing.assert_allclose(tracked, wide, atol=1e-6)
+        assert set(found.unit) == {"rad", "m"}
+
+    def test_a_prediction_begins_at_the_start_and_has_the_error_of_the_fit(self, task, results):
+        found = motions(results, task.name, "kodex", 0)
+        first = found[found.t == 0]
+        np.testing.assert_allclose(first.predicted, first.demonstrated, atol=1e-9)
+        stored = Store(results).diagnostics(row_of(results, "kodex")["folder"])["imitation_error"]
+        np.testing.assert_array_equal(first.error, stored)
+
+    def test_a_figure_has_a_panel_for_each_joint_with_its_unit(self, task, results):
+        found = motions(results, task.name, "kodex", 0)
+        figure = draw_motion(found, ["ARTx", "WRJ1"])
+        assert [axes.get_ylabel() for axes in figure.axes] == ["ARTx [m]", "WRJ1 [rad]"]
+        assert len(draw_motion(found).axes) == 3
+        with pytest.raises(InputError, match="did you mean 'WRJ1'"):
+            draw_motion(found, ["WRJ"])
+
+    def test_the_report_shows_them_and_says_the_same_twice(self, bench, results):
+        names = ("motions", "starts", "success_over_time")
+
+        def written():
+            assert bench("report", str(results))[0] == 0
+            files = (results / "report").rglob("*.*")
+            return {path.name: path.read_bytes() for path in files if path.stem in names}
+
+        once = written()
+        assert {f"{name}.{kind}" for name in names for kind in ("svg", "csv")} <= set(once)
+        assert written() == once
+
+    def test_packed_results_have_none(self, bench, task, results, tmp_path):
+        packed = tmp_path / "packed"
+        assert bench("pack", str(results), "--out", str(packed))[0] == 0
+        with pytest.raises(InputError, match="packed results, without the fits"):
+            motions(packed, task.name, "kodex", 0)
+
+
+@pytest.mark.parametrize("task", ["door", "reorientation"], indirect=True)
+def test_success_over_time_ends_at_the_success_of_the_episodes(bench, task, smoke, tmp_path):
+    folder = tmp_path / "results"
+    options = ("--experiments", "success", "--episodes", "7", "--jobs", "1")
+    assert bench("run", "smoke", "--tasks", task.name, *options, "--out", str(folder))[0] == 0
+    curves = over_time(Results(folder))
+    for method, curve in curves.groupby("row"):
+        assert curve.value.iloc[-1] == pytest.approx(400 / 7), method
+        assert curve.t.iloc[-1] == pytest.approx(0.01 * task.steps)
+
+
+def curve(values):
+    times = 0.01 * np.arange(1, len(values) + 1)
+    return pd.DataFrame({"row": "nn", "column": "door", "t": times, "value": values})
+
+
+def test_half_of_the_final_success_is_reached_at_a_time():
+    assert half_times(curve([0.0, 20.0, 40.0, 60.0])).value.tolist() == [0.03]
+    assert half_times(curve([0.0, 80.0, 40.0])).value.tolist() == [0.02]
+    assert half_times(curve([10.0, 0.0])).value.isna().all()
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [
+        ("tool", ["nail_height"]),
+        ("door", ["door_x", "door_y"]),
+        ("relocation", ["target_x", "target_z"]),
+        ("reorientation", ["goal_pitch", "goal_yaw"]),
+    ],
+)
+def test_the_axes_of_starts_show_what_leaves_the_distribution(name, numbers):
+    components = get_task(name).start_components
+    assert [components[place].name for place in shown_numbers(get_task(name))] == numbers
+
+
+def test_success_is_told_by_half_of_each_range():
+    values = start_values(get_task("tool"), "test", 50)
+    share = np.where(values.nail_height > 0.175, 100.0, 0.0)
+    table = values.assign(row="nn", column="tool", split="test", value=share)
+    found = halves(table).set_index("row").value
+    assert found.to_dict() == {"tool nail_height, low half": 0, "tool nail_height, high half": 100}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_there_are_as_many_looks_as_failure_modes(name):
+    assert len(FAILURES) >= len({DIVERGED, *get_task(name).failure_modes, ELSEWHERE})
+
+
+def episodes(modes, seed=1, split="test"):
+    task = get_task("door")
+    values = start_values(task, split, len(modes))
+    failed = np.array([mode is not None for mode in modes])
+    labels = {"seed": seed, "split": split, "mode": modes, "steps": 69, "success": ~failed}
+    return values.assign(**labels)
+
+
+def test_modes_are_counted_in_the_order_of_the_task_over_seeds():
+    turned, lost = "latch not turned", "hand lost the handle"
+    whole = pd.concat([episodes([lost, None, turned]), episodes([lost, None, None], seed=2)])
+    counts = count_modes(get_task("door"), whole)
+    assert counts["mode"].tolist() == [turned, lost]
+    assert counts.failed.tolist() == [1, 2]
+    assert counts.starts.tolist() == [[2], [0]]
+    assert counts.share.tolist() == pytest.approx([100 / 6, 200 / 6])
+
+
+def test_a_picture_has_a_panel_for_each_method_and_a_mark_for_each_mode():
+    by_method = {
+        "nn": episodes([None, "latch not turned", DIVERGED]),
+        "kodex": episodes([None, None, "opened too little"]),
+    }
+    figure = draw_failures(get_task("door"), by_method)
+    assert [axes.get_title().split(",")[0] for axes in figure.axes] == ["KODex", "NN"]
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["success", DIVERGED, "latch not turned", "opened too little"]
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_method_of_a_package_is_replayed_in_a_process_of_its_own(task, results, monkeypatch):
+    apart = []
+
+    def spy(job, *arguments):
+        apart.append(job.__name__)
+        return job(*arguments)
+
+    monkeypatch.setattr("bench.replay.apart", spy)
+    here = failures(results, "door", "kodex")
+    assert apart == []
+    monkeypatch.setattr("bench.replay.SUITE", ())
+    assert failures(results, "door", "kodex").equals(here)
+    assert len(apart) == 1
