@@ -49,6 +49,10 @@ def get_preset(name: str) -> Study:
 
 SMALLEST = "smallest"
 REDUCED = "Reduced protocol: fewer seeds, episodes and training epochs than the paper."
+FOR_TESTS = (
+    "`smoke` is for tests: its few demonstrations and training epochs are too few to learn from. Its"
+    " numbers mean nothing."
+)
 
 PRESETS = {
     "smoke": Study(
@@ -59,7 +63,7 @@ PRESETS = {
         demos=10,
         epochs_share=0.025,
         controller=ControllerConfig(epochs=5),
-        note=REDUCED,
+        note=FOR_TESTS,
     ),
     "quick": Study(
         episodes={"sizes": 50, "success": 200, "ood": 200, "lifting": 200, "stability": 50},

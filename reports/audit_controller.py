@@ -43,5 +43,6 @@ EXHIBIT = Exhibit(
         " controllers."
     ),
     table=table,
+    part="audit",
     figure=panels,
 )

@@ -36,4 +36,5 @@ EXHIBIT = Exhibit(
         " the pen must also be held and slow after the last step."
     ),
     table=table,
+    part="audit",
 )

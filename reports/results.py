@@ -13,10 +13,10 @@ from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
 from reports.protocol import MARK, Unlike, differences
-from reports.reference import Beside, open_results
+from reports.reference import SHIPPED, Beside, open_results
 from reports.remarks import EXPERT, OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
-from reports.style import TASKS, ordered
+from reports.style import METHODS, TASKS, ordered
 from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 from tasks.registry import APPENDIX
@@ -78,6 +78,22 @@ class Results:
         """By method, what follows its name in tables and figures."""
         marked = dict.fromkeys(self.unlike.marked, MARK) if self.unlike else {}
         return marked | ({EXPERT: OWN} if remarks_on_the_expert(self.frame) else {})
+
+    @cached_property
+    def own(self) -> frozenset[str]:
+        """The methods that are not the suite's."""
+        return frozenset(self.frame.method.unique()) - frozenset(METHODS)
+
+    @property
+    def name(self) -> str:
+        """How people call the study: the name of its folder."""
+        return "the shipped results" if self.folder == SHIPPED else self.folder.absolute().name
+
+    @cached_property
+    def finished(self) -> list[str]:
+        """The days (YYYY-MM-DD) on which fits were finished, in order."""
+        facts = (self.source.facts(folder) for folder in self.frame.folder.unique())
+        return sorted({one["finished"][:10] for one in facts})
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
@@ -162,11 +178,17 @@ class Results:
 
         None where there are no results; only the starts that all seeds have met are returned.
         """
-        found = self.main(**values)
-        if found.empty:
-            return None
-        episodes = self._episodes(found.sort_values("seed"))
-        return np.stack([one.success.to_numpy(bool) for one in episodes])
+        place = tuple(sorted(values.items()))
+        if place not in self._successes:
+            found = self.main(**values).sort_values("seed")
+            episodes = [one.success.to_numpy(bool) for one in self._episodes(found)]
+            self._successes[place] = np.stack(episodes) if episodes else None
+        return self._successes[place]
+
+    @cached_property
+    def _successes(self) -> dict[tuple[tuple[str, object], ...], BoolArray | None]:
+        """By what was selected, what `success` has returned: claims ask for the same repeatedly."""
+        return {}
 
     def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         """Returns one row for each group: success over its seeds, in per cent.
@@ -200,7 +222,7 @@ class Results:
 
     def _episodes(self, evaluations: pd.DataFrame) -> list[pd.DataFrame]:
         """The episodes of each evaluation, as far as all of them go."""
-        count = int(evaluations.episodes.min())
+        count = int(evaluations.episodes.min()) if len(evaluations) else 0
         return [self.outcomes(row).iloc[:count] for row in evaluations.to_dict("records")]
 
     def select(self, **values: object) -> pd.DataFrame:
@@ -228,13 +250,22 @@ class Results:
         found = self.select(**values)
         if found.empty:
             return found
-        best = [self._best_size(part) for _, part in found.groupby(["task", "method"])]
+        best = []
+        for (task, method), part in found.groupby(["task", "method"]):
+            size = self._best_size(str(task), str(method), list(part["size"].unique()))
+            best.append(pd.Series(size, index=part.index))
         return found[found["size"] == pd.concat(best).reindex(found.index)]
 
-    def _best_size(self, found: pd.DataFrame) -> pd.Series:
+    def _best_size(self, task: str, method: str, there: Sequence[str]) -> str:
         """The size that does best from validation starts, where several were evaluated."""
-        there = found["size"].unique()
-        sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
-        task, method = found.task.iloc[0], found.method.iloc[0]
-        compared = self.select(task=task, method=method, split="validation")
-        return pd.Series(best_size(compared, sizes), index=found.index)
+        place = task, method, *sorted(there)
+        if place not in self._best_sizes:
+            sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
+            compared = self.select(task=task, method=method, split="validation")
+            self._best_sizes[place] = best_size(compared, sizes)
+        return self._best_sizes[place]
+
+    @cached_property
+    def _best_sizes(self) -> dict[tuple[str, ...], str]:
+        """By task, method and the sizes that there are, what `_best_size` has returned."""
+        return {}
