@@ -90,7 +90,11 @@ def _leaders(
     shares = [rates[method] for method in leaders]
     share = f"{shares[0]:.1f}%"
     if not level:
-        return f"{names[best]} {'leads' if len(rates) > 1 else 'alone was run'} with {share}"
+        return (
+            f"{names[best]} leads with {share}"
+            if len(rates) > 1
+            else f"{names[best]} alone has run, {share}"
+        )
     if any(pair in gaps for pair in _ordered_pairs(leaders)):
         others = _listed([names[method] for method in level])
         return f"{names[best]} has the most, {share}, and cannot be told from {others}"
