@@ -255,14 +255,22 @@ def test_five_headings_are_closed_at_first_and_a_link_opens_what_it_points_into(
     view.locator("#figure_5 svg").wait_for(state="visible")
 
 
-def test_each_claim_has_a_line_and_its_evidence_once_opened(opened, report):
+def test_claims_that_were_not_run_are_folded_away_each_with_its_evidence(opened, report):
     view = opened(path=report)
     claims = view.locator(".claims li")
     assert claims.count() == 15
     evidence = claims.first.locator("p")
+    assert not claims.first.is_visible()
+    view.get_by_text("15 not run, for want of results").click()
     assert not evidence.is_visible()
     claims.first.locator("summary").click()
     assert "no results of KODex Tool ood" in evidence.inner_text()
+
+
+def test_each_claim_that_was_decided_has_a_line(opened):
+    view = opened(names=["decided"])
+    assert view.locator(".claims summary").is_visible()
+    assert not view.locator(".claims p").is_visible()
 
 
 def test_a_method_of_ones_own_is_highlighted(opened, report):
