@@ -15,8 +15,8 @@ LEVEL = 0.05
 HOW = (
     "Two methods are told apart on a task if the 95% interval of their difference on the same"
     " unseen starts excludes zero and q, the p-value corrected for all pairs, is below"
-    f" {LEVEL:g}; bench compare gives all of them. How far one is behind is that interval, in points"
-    " of success."
+    f" {LEVEL:g}; bench compare gives all of them. How far one is behind is that interval, in"
+    " points of success."
 )
 Pair = tuple[str, str]
 Gaps = dict[Pair, tuple[float, float]]
