@@ -310,7 +310,7 @@ def test_a_failing_start_has_a_film_or_the_command_for_one(opened, tmp_path):
     rows = view.locator("#failures tbody tr")
     assert rows.first.locator("a").get_attribute("href") == "#film-door-start-19"
     (tmp_path / "door-start-19.mp4").unlink()
-    command = opened().locator("#failures code").first.text_content()
+    command = opened().locator("#failures td code").first.text_content()
     assert command == "bench video door --results DIR --methods kodex --start 19"
 
 
