@@ -48,5 +48,6 @@ EXHIBIT = Exhibit(
         " paper's: its best size, from the starts of its validation demonstrations."
     ),
     table=table,
+    part="audit",
     figure=panels,
 )

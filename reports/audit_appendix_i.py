@@ -58,5 +58,6 @@ EXHIBIT = Exhibit(
         " expert's successes alone."
     ),
     table=table,
+    part="audit",
     axis="",
 )

@@ -40,5 +40,6 @@ EXHIBIT = Exhibit(
         " controllers."
     ),
     table=table,
+    part="audit",
     figure=panels,
 )

@@ -34,4 +34,5 @@ EXHIBIT = Exhibit(
         " the pen must also be held and slow after the last step."
     ),
     table=table,
+    part="audit",
 )

@@ -54,9 +54,13 @@ def report(
         Path | None,
         typer.Option(help="File for a table of all episodes, such as episodes.parquet."),
     ] = None,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="Print all tables, not that of success alone.")
+    ] = False,
 ) -> None:
     """Write tables, figures and a web page (index.html) of results. Exit code 3 if one fails."""
     from bench.store import episodes_table
+    from reports.page import SUCCESS
     from reports.results import Results
     from reports.write import write_report
 
@@ -72,13 +76,17 @@ def report(
         results.check_protocol(results.frame, mixed)
     with doing("looking at results"):
         made = write_report(results, place, source / "videos")
-    for path in made.written:
-        print(path.read_text())
     if export is not None:
         with whole_file(export) as file:
             episodes_table(results.source).to_parquet(file, index=False)
     _print_notes(results)
-    print(f"{len(made.written)} exhibit(s) in {place}")
+    for path in made.written:
+        if tables:
+            print(path.read_text())
+        elif path.stem == SUCCESS:
+            title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
+            print(title_and_rows + "\n")
+    print("\n".join([*made.answer, "", f"{len(made.written)} tables on the page {made.page}"]))
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 

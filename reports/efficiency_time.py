@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from reports.efficiency import draw_lines, in_rows
-from reports.exhibit import Exhibit
+from reports.exhibit import Exhibit, log_dots, logarithmic
 from reports.results import Results
 
 
@@ -20,10 +20,12 @@ def table(results: Results) -> pd.DataFrame:
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns one panel a task, one line a method, times on a logarithmic axis."""
+    """Returns one panel a task, one line a method; with one number of demonstrations, dots."""
+    if table.demos.nunique() == 1:
+        return log_dots(table.assign(row=table.method), exhibit)
     drawing = draw_lines(table, exhibit)
     for axes in drawing.axes:
-        axes.set_yscale("log")
+        logarithmic(axes)
     return drawing
 
 
@@ -36,6 +38,7 @@ EXHIBIT = Exhibit(
         " a twentieth of their epochs, which all do the same work."
     ),
     table=table,
+    part="data and time",
     unit="",
     digits=2,
     axis="training time [s]",

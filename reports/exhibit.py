@@ -3,24 +3,30 @@
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from reports.paper import published
 from reports.remarks import Remark
 from reports.results import Results
-from reports.style import PUBLISHED, TASKS, colour, display, hatch, ordered
+from reports.style import INK, TASKS, colour, display, hatch, marker, ordered
 from tasks.data import FloatArray
 
 COVERAGE = {2: "51 to 96", 3: "70 to 97", 4: "78 to 98", 5: "81 to 98"}
 """By number of seeds, how often the bootstrap's interval holds the mean: simulated, with a standard
 deviation of 4 to 16 points between seeds, 200 or 1,000 starts that are as hard for all seeds or for
 each in its own way, 500 studies of each kind."""
+PAPER = "paper"
 UNCOVERED = "They do not cover what another controller would change."
 FROM_PAPER = ["published", "published spread", "note"]
+Part = Literal["success", "robustness", "data and time", "KODex inside", "audit"]
+PARTS: tuple[Part, ...] = get_args(Part)
+"""The headings of the page, in its order."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,8 @@ class Exhibit:
     """What the values are, for the caption."""
     table: Callable[[Results], pd.DataFrame]
     """Returns rows of ``row``, ``column``, ``value`` and what else is known of each value."""
+    part: Part = "success"
+    """The heading that it stands under."""
     unit: str = "%"
     digits: int | None = 1
     """Behind the point; none for as many as it takes."""
@@ -47,14 +55,21 @@ class Exhibit:
     """Returns what people read of a table that is too long for them, as such a table."""
     suffixes: Mapping[str, str] = field(default_factory=dict)
     """By name of a method, what follows it."""
+    own: frozenset[str] = frozenset()
+    """Methods that are not the suite's: tables and legends highlight them."""
 
     def with_remarks(self, results: Results) -> "Exhibit":
         """Returns the exhibit with what its captions and names say of the results."""
-        return replace(self, remarks=tuple(results.remarks), suffixes=results.suffixes)
+        remarks = tuple(results.remarks)
+        return replace(self, remarks=remarks, suffixes=results.suffixes, own=results.own)
 
     def display(self, name: str) -> str:
         """Returns how a name is written for people."""
         return display(name, self.suffixes)
+
+    def is_own(self, name: str) -> bool:
+        """Whether a row or a column is about a method that is not the suite's."""
+        return not self.own.isdisjoint(str(name).split(" "))
 
     def draw(self, table: pd.DataFrame) -> Figure:
         """Returns the figure of a table."""
@@ -139,12 +154,26 @@ def beside(table: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
 
 def bars(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns bars with intervals, grouped by column, one colour a row, the paper's as diamonds."""
-    rows, columns = (table[name].nunique() for name in ("row", "column"))
-    drawing = Figure(figsize=(max(0.9 + 0.28 * rows * columns, 1.4 * columns, 3), 3.2))
-    axes = drawing.subplots()
-    _add_bars(axes, table, exhibit)
-    axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
+    return _grouped(table, exhibit, _add_bars)
+
+
+def dots(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns dots as `bars` does, on an axis that fits the values and need not begin at zero."""
+    return _grouped(table, exhibit, _add_dots)
+
+
+def log_dots(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns dots on a logarithmic axis."""
+    drawing = dots(table, exhibit)
+    logarithmic(drawing.axes[0])
     return drawing
+
+
+def logarithmic(axes: Axes) -> None:
+    """Makes the y-axis logarithmic, its ticks plain numbers."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()
 
 
 def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
@@ -158,9 +187,7 @@ def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     if not len(kinds):
         return bars(table, exhibit)
     rows, columns = names[0].nunique(), table.column.nunique()
-    drawing = Figure(
-        figsize=(max(0.9 + 0.22 * rows * columns, 6), 2.2 * len(kinds)), layout="constrained"
-    )
+    drawing = Figure(figsize=(_width(rows, columns), 0.4 + 1.9 * len(kinds)))
     every = drawing.subplots(len(kinds), squeeze=False, sharex=True, sharey=True)[:, 0]
     for axes, kind in zip(every, kinds, strict=True):
         own = names[1] == kind
@@ -168,8 +195,47 @@ def panels(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         part = table[here].assign(row=names[0][here])
         _add_bars(axes, part, exhibit, table.column.drop_duplicates().tolist())
         axes.set_title(exhibit.display(kind), fontsize=10, loc="left")
-    every[0].legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1.02))
+    add_legend(drawing, exhibit)
     return drawing
+
+
+def add_legend(drawing: Figure, exhibit: Exhibit) -> None:
+    """Adds one legend above all axes: methods of one's own bold, the paper's last."""
+    found = {
+        label: handle
+        for axes in drawing.axes
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    found = dict(sorted(found.items(), key=lambda one: one[0] == PAPER))
+    in_a_row = min(len(found), max(2, int(drawing.get_figwidth() / 0.85)))
+    legend = drawing.legend(
+        found.values(),
+        found.keys(),
+        frameon=False,
+        loc="outside upper left",
+        ncols=in_a_row,
+        columnspacing=1.2,
+        handlelength=1.6,
+    )
+    own = {exhibit.display(name) for name in exhibit.own}
+    for text in legend.get_texts():
+        if text.get_text() in own:
+            text.set_fontweight("bold")
+
+
+def _grouped(
+    table: pd.DataFrame, exhibit: Exhibit, add: Callable[[Axes, pd.DataFrame, Exhibit], None]
+) -> Figure:
+    rows, columns = (table[name].nunique() for name in ("row", "column"))
+    drawing = Figure(figsize=(_width(rows, columns), 3.2))
+    add(drawing.subplots(), table, exhibit)
+    add_legend(drawing, exhibit)
+    return drawing
+
+
+def _width(rows: int, columns: int) -> float:
+    """Inches, as few as let a phone show the figure whole and legible."""
+    return max(0.9 + 0.22 * rows * columns, 1.1 * columns + 0.9, 3.5)
 
 
 def _add_bars(
@@ -191,15 +257,35 @@ def _add_bars(
             color=colour(row, rows),
             hatch=hatch(row, rows),
             edgecolor="white",
-            error_kw={"lw": 0.9},
+            error_kw={"lw": 0.9, "ecolor": INK},
         )
-        if "published" in part and part.published.notna().any():
-            label = "paper" if i == len(rows) - 1 else None
-            axes.plot(x, part.published, "D", ms=4, color=PUBLISHED, mec="white", label=label)
-    axes.set_xticks(range(len(columns)), [_narrow(exhibit.display(name)) for name in columns])
-    axes.set(ylabel=exhibit.axis)
+        _add_published(axes, x, part)
+    _name_columns(axes, columns, exhibit)
     if exhibit.unit == "%":
         axes.set_ylim(0, 105)
+
+
+def _add_dots(axes: Axes, table: pd.DataFrame, exhibit: Exhibit) -> None:
+    rows, columns = (table[name].drop_duplicates().tolist() for name in ("row", "column"))
+    for i, row in enumerate(rows):
+        part = table[table.row == row].set_index("column").reindex(columns)
+        x = np.arange(len(columns)) + (i - (len(rows) - 1) / 2) * min(0.6 / len(rows), 0.2)
+        shade = colour(row, rows)
+        axes.plot(x, part.value, marker(row, rows), ms=7, color=shade, label=exhibit.display(row))
+        _add_published(axes, x, part)
+    _name_columns(axes, columns, exhibit)
+    axes.set_xlim(-0.6, len(columns) - 0.4)
+    axes.margins(y=0.15)
+
+
+def _add_published(axes: Axes, x: ArrayLike, part: pd.DataFrame) -> None:
+    if "published" in part and part.published.notna().any():
+        axes.plot(x, part.published, "D", ms=4, color=INK, mec="white", label=PAPER, clip_on=False)
+
+
+def _name_columns(axes: Axes, columns: Sequence[str], exhibit: Exhibit) -> None:
+    axes.set_xticks(range(len(columns)), [_narrow(exhibit.display(name)) for name in columns])
+    axes.set(ylabel=exhibit.axis)
     axes.grid(axis="x", visible=False)
 
 

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.exhibit import Exhibit, errors_of
+from reports.exhibit import Exhibit, add_legend, errors_of
 from reports.results import Results
 from reports.style import colour, display
 from reports.table_11 import SETS
@@ -29,7 +29,7 @@ def table(results: Results) -> pd.DataFrame:
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns two panels, sets along the axis, one line a task."""
-    drawing = Figure(figsize=(7.5, 3.0), layout="constrained")
+    drawing = Figure(figsize=(6.4, 3.2))
     parts = table.row.str.split(": ", n=1, expand=True)
     for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
         tasks = table.column.drop_duplicates().tolist()
@@ -46,7 +46,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 label=display(task),
             )
         axes.set(ylabel=quantity, ylim=(0, 1.08 * axes.get_ylim()[1]))
-    drawing.legend(*axes.get_legend_handles_labels(), frameon=False, loc="outside right upper")
+    add_legend(drawing, exhibit)
     return drawing
 
 
@@ -58,6 +58,7 @@ EXHIBIT = Exhibit(
         " success [%] on unseen starts. Published: figure only."
     ),
     table=table,
+    part="KODex inside",
     unit="",
     digits=3,
     figure=figure,

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit
+from reports.exhibit import Exhibit, log_dots
 from reports.results import Results
 from reports.table_11 import SETS
 
@@ -28,8 +28,10 @@ EXHIBIT = Exhibit(
         " machine (bench time). Published: figure only."
     ),
     table=table,
+    part="KODex inside",
     unit="",
     digits=2,
     axis="fit time [s]",
+    figure=log_dots,
     of=("kodex",),
 )

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import colour, display
+from reports.style import INK, colour, display
 from reports.table_12 import magnitudes
 
 EDGES = np.linspace(0, 1.1, 23)
@@ -32,14 +32,18 @@ def table(results: Results) -> pd.DataFrame:
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns one histogram a task."""
     tasks = table.column.drop_duplicates().tolist()
-    drawing = Figure(figsize=(2.4 * len(tasks) + 0.6, 2.6), layout="constrained")
-    panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
-    for axes, task in zip(panels, tasks, strict=True):
+    lines, columns = -(-len(tasks) // 2), min(len(tasks), 2)
+    drawing = Figure(figsize=(2.9 * columns + 0.6, 2 * lines + 0.6))
+    panels = drawing.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for empty in panels[len(tasks) :]:
+        empty.remove()
+    for axes, task in zip(panels[: len(tasks)], tasks, strict=True):
         counts = table[table.column == task].value
         axes.stairs(counts, EDGES, fill=True, color=colour(task, tasks))
-        axes.axvline(1, color="black", lw=0.8, ls="--")
-        axes.set(title=display(task), xlabel=f"magnitude\n(last bin: {LARGEST})")
-    panels[0].set_ylabel("eigenvalues")
+        axes.axvline(1, color=INK, lw=0.8, ls="--")
+        axes.set_title(display(task), fontsize=10, loc="left")
+    drawing.supxlabel(f"magnitude (last bin: {LARGEST})", fontsize=10)
+    drawing.supylabel("eigenvalues", fontsize=10)
     return drawing
 
 
@@ -49,6 +53,7 @@ EXHIBIT = Exhibit(
     about="Eigenvalues of K by magnitude; beyond the dashed line at 1 a mode grows. Published:"
     " figure only.",
     table=table,
+    part="KODex inside",
     unit="",
     digits=0,
     figure=figure,

@@ -3,21 +3,33 @@
 import base64
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from reports.exhibit import Exhibit
+from reports.answer import HOW
+from reports.exhibit import PARTS, Exhibit
+from reports.front import failures, strips, study
 from reports.results import Results
-from reports.style import display
+from reports.style import INK, ON_DARK, display
 
 TEMPLATES = Path(__file__).with_name("templates")
 NONCE = "kodex-bench"
 """Of the page's own style and script. The page is a file: nobody else's text is ever let through
 unescaped, and the policy stops what would slip in."""
+SUCCESS = "unseen"
+"""The exhibit that the page opens with."""
+_FOLLOWS = {
+    **dict.fromkeys(("#000000", "#262626", INK), "currentColor"),
+    "#ffffff": "var(--paper)",
+    **dict.fromkeys(("#cccccc", "#b0b0b0"), "var(--line)"),
+    **{colour: f"var(--{colour[1:]})" for colour in ON_DARK},
+}
+"""By colour of a figure's file, the one that follows the theme of the page."""
 
 
 def render(
@@ -28,6 +40,7 @@ def render(
     figures: Path,
     films: Path | None = None,
     failed: Mapping[str, str] | None = None,
+    answer: Sequence[str] = (),
 ) -> str:
     """Returns the page.
 
@@ -39,19 +52,33 @@ def render(
         figures: where the SVG files of the exhibits are.
         films: where the MP4 files of `bench video` are, if there are any.
         failed: by title, why an exhibit or a claim could not be made.
+        answer: as `reports.answer.answer` gives it.
     """
     shown = [exhibit for exhibit in exhibits if exhibit.name in tables]
     failed = failed or {}
     left = (exhibit.title for exhibit in exhibits if exhibit.name not in tables)
     missing = [title for title in left if title not in failed]
+    paths = sorted(films.glob("[!.]*.mp4")) if films else []
+    anchors = {path.stem: f"film-{path.stem}" for path in paths}
+    first = next((exhibit for exhibit in shown if exhibit.name == SUCCESS), None)
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True)
     return environment.get_template("page.html").render(
         title="Imitation policies on a dexterous hand",
         nonce=NONCE,
+        on_dark=ON_DARK,
         notes=results.notes,
-        parts=[_part(exhibit, tables[exhibit.name], figures) for exhibit in shown],
-        films=[_film(path) for path in sorted(films.glob("[!.]*.mp4"))] if films else [],
-        claims=claims.to_dict("records"),
+        study=study(results),
+        answer=answer,
+        how=HOW,
+        success=first and strips(results, first, tables[SUCCESS]),
+        claims=[_claim(claim) for claim in claims.to_dict("records")],
+        counts=", ".join(f"{count} {verdict}" for verdict, count in _counts(claims).items()),
+        parts={
+            part: [_shown(one, tables[one.name], figures) for one in shown if one.part == part]
+            for part in PARTS
+        },
+        failures=failures(results, anchors),
+        films=[_film(path) | {"anchor": anchors[path.stem]} for path in paths],
         missing=missing,
         failed=failed,
         cells=f"{len(results.frame):,}",
@@ -60,18 +87,29 @@ def render(
     )
 
 
-def _part(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, object]:
+def _shown(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, object]:
     wide = exhibit.wide(table)
     path = figures / f"{exhibit.name}.svg"
+    own = [exhibit.is_own(name) for name in table.row.drop_duplicates()]
+    texts = [[name, *map(_breakable, row)] for name, *row in wide.to_numpy().tolist()]
     return {
         "name": exhibit.name,
         "title": exhibit.title,
-        "short": exhibit.title.split(":")[0],
         "columns": list(wide.columns),
-        "rows": [[name, *map(_breakable, row)] for name, *row in wide.to_numpy().tolist()],
+        "rows": list(zip(texts, own, strict=True)),
         "caption": exhibit.caption(table),
         "svg": _inline(exhibit.name, path.read_text()) if path.exists() else None,
     }
+
+
+def _claim(claim: dict[str, Any]) -> dict[str, Any]:
+    """A claim with the verdict of the paper's tables in a word, see `reports.claims`."""
+    word = claim["paper"].split(" ")[0]
+    return claim | {"paper_word": word if word in ("holds", "fails") else "no numbers"}
+
+
+def _counts(claims: pd.DataFrame) -> dict[str, int]:
+    return {str(verdict): int(count) for verdict, count in claims.ours.value_counts().items()}
 
 
 def _breakable(text: str) -> str:
@@ -95,10 +133,15 @@ def _inline(name: str, svg: str) -> Markup:
     svg = re.sub(r"<style.*?</style>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r'(href="#|url\(#)', rf"\1{name}-", svg)
-    return Markup(re.sub(r' style="([^"]*)"', _as_attributes, svg))
+    svg = re.sub(r' style="([^"]*)"', _as_attributes, svg)
+    return Markup(re.sub(r'(?<=")#[0-9a-f]{6}(?=")', _as_variable, svg))
 
 
 def _as_attributes(style: re.Match[str]) -> str:
     """A style attribute as presentation attributes, which a strict content policy allows."""
     pairs = (part.split(":", 1) for part in style.group(1).split(";") if ":" in part)
     return "".join(f' {name.strip()}="{value.strip()}"' for name, value in pairs)
+
+
+def _as_variable(colour: re.Match[str]) -> str:
+    return _FOLLOWS.get(colour[0], colour[0])

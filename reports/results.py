@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bench.controller import AUDITED
 from bench.labels import EXPERT, labelled
-from bench.packed import open_results
+from bench.packed import SHIPPED, open_results
 from bench.selection import best_size
 from bench.store import Source
 from methods.base import Parameters
@@ -20,7 +20,7 @@ from reports.protocol import MARK, Unlike, differences
 from reports.reference import Beside
 from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
-from reports.style import TASKS, ordered
+from reports.style import METHODS, TASKS, ordered
 from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 from tasks.registry import APPENDIX
@@ -82,6 +82,22 @@ class Results:
         """By method, what follows its name in tables and figures."""
         marked = dict.fromkeys(self.unlike.marked, MARK) if self.unlike else {}
         return marked | ({EXPERT: OWN} if remarks_on_the_expert(self.frame) else {})
+
+    @cached_property
+    def own(self) -> frozenset[str]:
+        """The methods that are not the suite's."""
+        return frozenset(self.frame.method.unique()) - frozenset(METHODS)
+
+    @property
+    def name(self) -> str:
+        """How people call the study: the name of its folder."""
+        return "the shipped results" if self.folder == SHIPPED else self.folder.absolute().name
+
+    @cached_property
+    def finished(self) -> list[str]:
+        """The days (YYYY-MM-DD) on which fits were finished, in order."""
+        facts = (self.source.facts(folder) for folder in self.frame.folder.unique())
+        return sorted({one["finished"][:10] for one in facts})
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
@@ -170,7 +186,15 @@ class Results:
 
         None where there are no results; only the starts that all seeds have met are returned.
         """
-        return self.successes([values])[0]
+        place = tuple(sorted(values.items()))
+        if place not in self._successes:
+            self._successes[place] = self.successes([values])[0]
+        return self._successes[place]
+
+    @cached_property
+    def _successes(self) -> dict[tuple[tuple[str, object], ...], BoolArray | None]:
+        """By what was selected, what `success` has returned: claims ask for the same repeatedly."""
+        return {}
 
     def successes(self, selections: Sequence[Mapping[str, object]]) -> list[BoolArray | None]:
         """Returns what `success` does for several selections of a task, on common seeds and starts.
@@ -247,13 +271,22 @@ class Results:
         found = self.select(**values)
         if found.empty:
             return found
-        best = [self._best_size(part) for _, part in found.groupby(["task", "method"])]
+        best = []
+        for (task, method), part in found.groupby(["task", "method"]):
+            size = self._best_size(str(task), str(method), list(part["size"].unique()))
+            best.append(pd.Series(size, index=part.index))
         return found[found["size"] == pd.concat(best).reindex(found.index)]
 
-    def _best_size(self, found: pd.DataFrame) -> pd.Series:
+    def _best_size(self, task: str, method: str, there: Sequence[str]) -> str:
         """The size that does best from validation starts, where several were evaluated."""
-        there = found["size"].unique()
-        sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
-        task, method = found.task.iloc[0], found.method.iloc[0]
-        compared = self.select(task=task, method=method, split="validation")
-        return pd.Series(best_size(compared, sizes), index=found.index)
+        place = task, method, *sorted(there)
+        if place not in self._best_sizes:
+            sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
+            compared = self.select(task=task, method=method, split="validation")
+            self._best_sizes[place] = best_size(compared, sizes)
+        return self._best_sizes[place]
+
+    @cached_property
+    def _best_sizes(self) -> dict[tuple[str, ...], str]:
+        """By task, method and the sizes that there are, what `_best_size` has returned."""
+        return {}

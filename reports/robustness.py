@@ -35,6 +35,7 @@ def robustness_exhibit(number: int, task: str) -> Exhibit:
             " with one tuned on the expert's rollouts there."
         ),
         table=table,
+        part="robustness",
         figure=panels,
         of=(task,),
     )

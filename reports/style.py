@@ -24,7 +24,8 @@ NAMES = {
 }
 TASKS = ("tool", "door", "relocation", "reorientation")
 METHODS = ("expert", "kodex", "nn", "lstm", "ndp", "ngf")
-PUBLISHED = "#222222"
+INK = "#222222"
+"""Of what is neither a method nor a task: text, axes, intervals, the paper's values."""
 MARKS = ("", "///", "...", "\\\\\\", "xx", "--", "++")
 DASHES: tuple[Any, ...] = (
     (0, (1, 1)),
@@ -34,10 +35,18 @@ DASHES: tuple[Any, ...] = (
     (0, (2.5, 1)),
     (0, (6, 1, 1, 1, 1, 1)),
 )
+MARKERS = "*o^sDvPX<>h"
 _COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex())
 """Those of the methods."""
 _OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
 """Those of whatever else: sizes, tasks, methods of one's own."""
+ON_DARK = {
+    "#4c4c4c": "#b9b9b9",
+    "#0173b2": "#3f9fe0",
+    "#7f4f24": "#c08a5a",
+    "#9b2226": "#e0656a",
+}
+"""By colour that is too dark for a dark page, the one in its place there."""
 
 
 def display(name: str, suffixes: Mapping[str, str] | None = None) -> str:
@@ -77,6 +86,11 @@ def dashes(row: str, rows: Sequence[str]) -> Any:
     return DASHES[_index(row, rows) % len(DASHES)]
 
 
+def marker(row: str, rows: Sequence[str]) -> str:
+    """Returns the marker of a method's points, likewise."""
+    return MARKERS[_index(row, rows) % len(MARKERS)]
+
+
 def _index(row: str, rows: Sequence[str]) -> int:
     if row in METHODS:
         return METHODS.index(row)
@@ -97,7 +111,7 @@ def style() -> Iterator[None]:
         **sns.axes_style("whitegrid"),
         "font.size": 10,
         "figure.dpi": 150,
-        "savefig.bbox": "tight",
+        "figure.constrained_layout.use": True,
         "svg.hashsalt": "kodex-bench",
         "axes.spines.top": False,
         "axes.spines.right": False,

@@ -25,6 +25,7 @@ EXHIBIT = Exhibit(
     title="Table 11: number of observables",
     about="Dimension p of the lifted state, as fitted.",
     table=table,
+    part="KODex inside",
     unit="",
     digits=0,
     axis="observables",

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from reports.exhibit import Exhibit, with_published
+from reports.exhibit import Exhibit, dots, with_published
 from reports.results import Results
 
 
@@ -27,7 +27,9 @@ EXHIBIT = Exhibit(
     title="Table 12: largest eigenvalue magnitude",
     about="Largest magnitude of an eigenvalue of K; above 1 the linear model is unstable.",
     table=table,
+    part="KODex inside",
     unit="",
     digits=5,
     axis="largest magnitude",
+    figure=dots,
 )

@@ -49,6 +49,7 @@ EXHIBIT = Exhibit(
         " The batch size of 32 is this suite's choice."
     ),
     table=table,
+    part="audit",
     unit="",
     digits=None,
     axis="",

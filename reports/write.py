@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from bench.doing import say
+from reports.answer import answer
 from reports.claims import FAILED, verdicts
 from reports.exhibit import Exhibit
 from reports.page import render
@@ -55,6 +56,9 @@ class Report:
     """The Markdown tables of the exhibits, in the order of the page."""
     failed: dict[str, str]
     """By title, why an exhibit or a claim could not be made."""
+    answer: list[str]
+    """As `reports.answer.answer` gives it."""
+    page: Path
 
 
 def write_report(results: Results, folder: Path, films: Path | None = None) -> Report:
@@ -88,11 +92,15 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
     lost = claims[claims.ours == FAILED]
     failed |= {f"claim {name}": why for name, why in zip(lost.claim, lost.evidence, strict=True)}
     _write_claims(claims, folder / "tables")
-    page = render(results, tables, known, claims, folder / "figures", films, failed)
-    (folder / "index.html").write_text(page)
+    try:
+        said = answer(results)
+    except Exception as error:
+        said, failed["the answer"] = [], described(error)
+    figures, page = folder / "figures", folder / "index.html"
+    page.write_text(render(results, tables, known, claims, figures, films, failed, said))
     for title, reason in failed.items():
         print(f"bench: left out: {title}: {reason}", file=sys.stderr)
-    return Report(written, failed)
+    return Report(written, failed, said, page)
 
 
 def _tables(
@@ -158,5 +166,7 @@ def _write_figure(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with style():
         figure = exhibit.draw(table)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # laid out once for all endings
         for ending, dated in _DATED.items():
             figure.savefig(folder / f"{exhibit.name}.{ending}", metadata=dict.fromkeys(dated))

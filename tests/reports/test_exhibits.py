@@ -1,6 +1,7 @@
 """Every exhibit, on made-up results of the whole paper protocol."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -35,6 +36,8 @@ class MadeUp(Results):
     provenance = ()
     source = None
     """It has no fits."""
+    finished = ()
+    folder = Path("made up")
 
     def __init__(self):
         study = get_preset("paper")
@@ -216,3 +219,44 @@ def test_a_method_has_one_colour_in_every_figure():
     without = with_expert[1:]
     assert [colour(m, with_expert) for m in without] == [colour(m, without) for m in without]
     assert len({colour(m, with_expert) for m in with_expert}) == 5
+
+
+def test_a_method_of_ones_own_is_bold_in_the_legend():
+    table = pd.DataFrame({"row": ["kodex", "mine"], "column": "door", "value": 50.0})
+    (legend,) = replace(TABLE_1, own=frozenset({"mine"})).draw(table).legends
+    assert {text.get_text(): text.get_fontweight() for text in legend.get_texts()} == {
+        "KODex": "normal",
+        "mine": "bold",
+    }
+
+
+def exhibit_named(name):
+    return next(exhibit for exhibit in exhibits() if exhibit.name == name)
+
+
+@pytest.mark.parametrize("name", ["table_12", "figure_6_time", "efficiency_time"])
+def test_values_without_a_meaningful_zero_are_dots_on_an_axis_that_fits_them(name, results):
+    exhibit = exhibit_named(name)
+    table = exhibit.table(results)
+    if name == "efficiency_time":
+        table = table[table.demos == 200]
+    (axes,) = exhibit.draw(table).axes
+    assert not axes.patches
+    low, high = axes.get_ylim()
+    assert 0 < low < table.value.min() <= table.value.max() < high
+
+
+def test_training_times_are_lines_only_over_several_numbers_of_demonstrations(results):
+    exhibit = exhibit_named("efficiency_time")
+    table = exhibit.table(results)
+    panel = exhibit.draw(table).axes[0]
+    assert all(
+        len(line.get_xdata()) > 1 for line in panel.get_lines() if line.get_label()[0] != "_"
+    )
+    one = exhibit.draw(table[table.demos == 200]).axes[0]
+    assert [text.get_text() for text in one.get_xticklabels()] == [
+        "Tool",
+        "Door",
+        "Relocation",
+        "Reorientation",
+    ]

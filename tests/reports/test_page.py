@@ -1,15 +1,19 @@
 """The page as a browser shows it."""
 
 import shutil
+from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
 import pandas as pd
 import pytest
 
+from reports import write
 from reports.exhibit import Exhibit
 from reports.page import render
 from reports.results import Results
+from reports.write import write_report
+from tasks.data import generator
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync"]
@@ -40,28 +44,84 @@ HOSTILE += [
 ]
 
 
-class Few(Results):
-    frame = pd.DataFrame({"episodes": [20, 20], "folder": ["a", "b"]})
-    notes = (*HOSTILE,)
-    provenance = ({"host": HOSTILE[0], "versions": {}},)
+METHODS = ("expert", "kodex", "nn", "mine")
+RATES = {"expert": 1.0, "kodex": 0.95, "nn": 0.9, "mine": 0.45}
+NOTE = "The made-up protocol."
 
-    def __init__(self):
-        pass
+
+class Few(Results):
+    """Methods on one task, two seeds each but for the expert's."""
+
+    provenance = ({"host": HOSTILE[0], "versions": {}},)
+    finished = ("2026-01-02", "2026-01-03", "2026-01-05")
+
+    def __init__(self, methods, notes=(NOTE,)):
+        self.folder, self._notes = Path("my-study"), notes
+        places = ({"split": split} for split in ("validation", "test", "ood"))
+        same = {
+            **{"task": "door", "variant": "described", "size": "single", "demos": 200},
+            **{"physics": "nominal", "rule": "appendix", "controller_key": "", "recipe": "r"},
+            **{"config": {}, "episodes": 200, "diverged": 0, "fit_seconds": 2.0},
+        }
+        self.frame = pd.DataFrame(
+            {**same, **place, "method": method, "seed": seed, "folder": f"{method}-{seed}"}
+            | {"controller": "none" if method == "expert" else "original"}
+            | {"successes": int(200 * RATES.get(method, 0.5))}
+            for place in places
+            for method in methods
+            for seed in ((0,) if method == "expert" else (1, 2))
+        )
+
+    @property
+    def notes(self):
+        return [*self._notes]
+
+    def outcomes(self, row):
+        success = np.arange(row["episodes"]) % 20 < 20 * RATES.get(row["method"], 0.5)
+        return pd.DataFrame({"success": success, "diverged": False})
+
+    def controller_spec(self, key):
+        return {"config": {"learning_rate": 1e-4, "epochs": 300}}
+
+    def diagnostics(self, folder):
+        eigenvalues = 0.7 * generator(folder).standard_normal((50, 2))
+        return {"eigenvalues": eigenvalues, "imitation_error": np.ones(24)}
 
 
 ROWS = [("kodex", "door", 90.0), ("nn", "door", 100.0), ("ngf", "door", 9.5)]
 
 
 def page(folder, names=()):
+    """A page of one table, with methods of these names and as many claims and sentences."""
     rows = ROWS + [(name, "door", float(i)) for i, name in enumerate(names)]
     table = pd.DataFrame(rows, columns=["row", "column", "value"])
-    shown = Exhibit("shown", "Shown: a table", "About.", lambda results: table)
-    absent = Exhibit("absent", "Absent: another", "About.", lambda results: table)
-    path = folder / "index.html"
+    table = table.assign(low=table.value, high=table.value)
+    results = Few([row for row, *_ in rows], notes=HOSTILE)
+    exhibits = [
+        Exhibit(name, f"{name}: a table", "About.", lambda results: table).with_remarks(results)
+        for name in ("unseen", "shown", "absent")
+    ]
     claim = dict.fromkeys(("says", "source", "paper", "ours", "evidence"), " ".join(names))
-    page = render(Few(), {"shown": table}, [shown, absent], pd.DataFrame([claim]), folder, folder)
-    path.write_text(page)
+    tables = {"unseen": table, "shown": table}
+    claims = pd.DataFrame([claim])
+    path = folder / "index.html"
+    path.write_text(
+        render(
+            results, tables, exhibits, claims, folder, folder, {name: name for name in names}, names
+        )
+    )
     return path
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The page of a whole report."""
+    folder = tmp_path_factory.mktemp("report")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(write, "_DATED", {"svg": ("Date",)})
+        made = write_report(Few(METHODS), folder)
+    assert made.failed == {}
+    return made.page
 
 
 @pytest.fixture(scope="module")
@@ -80,17 +140,21 @@ def browser():
 def opened(browser, tmp_path):
     """Opens a page; notes whatever it asks the network for or complains about."""
 
-    def open_page(names=(), **options):
+    def open_page(names=(), path=None, **options):
         context = browser.new_context(**options)
         view = context.new_page()
         view.asked, view.said = [], []
         view.on("request", lambda request: view.asked.append(request.url))
         view.on("console", lambda message: view.said.append(message.text))
         view.on("pageerror", lambda error: view.said.append(str(error)))
-        view.goto(page(tmp_path, names).as_uri())
+        view.goto((path or page(tmp_path, names)).as_uri())
         return view
 
     return open_page
+
+
+def unfold(view):
+    view.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
 
 
 def first_column(view):
@@ -110,6 +174,7 @@ def test_a_film_can_be_played(opened, tmp_path):
         writer.send(np.full((32, 32, 3), shade, np.uint8))
     writer.close()
     view = opened()
+    unfold(view)
     assert view.locator("#films figcaption").inner_text() == "Door: success"
     view.wait_for_function("document.querySelector('video').readyState > 0")
     assert view.said == []
@@ -123,12 +188,13 @@ def test_a_film_that_is_being_written_is_left_out(tmp_path):
 
 def test_tables_sort_by_number_and_by_name(opened):
     view = opened()
+    unfold(view)
     assert first_column(view) == ["KODex", "NN", "NGF"]
-    view.get_by_role("button", name="Door").click()
+    view.locator("#shown").get_by_role("button", name="Door").click()
     assert first_column(view) == ["NGF", "KODex", "NN"]
-    view.get_by_role("button", name="Door").press("Enter")
+    view.locator("#shown").get_by_role("button", name="Door").press("Enter")
     assert first_column(view) == ["NN", "KODex", "NGF"]
-    view.get_by_role("button", name="name", exact=True).click()
+    view.locator("#shown").get_by_role("button", name="name", exact=True).click()
     assert first_column(view) == ["KODex", "NGF", "NN"]
 
 
@@ -145,16 +211,113 @@ def test_hostile_names_and_notes_stay_text(opened):
     assert view.title() == "Imitation policies on a dexterous hand"
     assert view.said == []
     assert len(view.asked) == 1
+    unfold(view)
     text = view.locator("main").inner_text()
     assert "<script>document.title='hit'</script>" in text
     assert "{{ 7 * 7 }}" in text
 
 
-@pytest.mark.parametrize("width", [360, 1280])
-def test_it_fits_phones_and_desks(opened, width):
-    view = opened(viewport={"width": width, "height": 800})
+WIDTHS = pytest.mark.parametrize("width", [390, 1280])
+WIDER = """() => [...document.querySelectorAll("body *")]
+    .filter(one => !one.closest(".scroll *, svg *, pre *"))
+    .filter(one => one.getBoundingClientRect().right > innerWidth)
+    .map(one => one.outerHTML.slice(0, 80))"""
+
+
+@WIDTHS
+def test_nothing_is_wider_than_the_screen_but_tables_in_their_boxes(opened, report, width):
+    view = opened(path=report, viewport={"width": width, "height": 844})
+    unfold(view)
+    assert view.evaluate(WIDER) == []
     assert view.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@WIDTHS
+def test_the_first_screen_says_what_was_run_and_the_answer(opened, report, width):
+    view = opened(path=report, viewport={"width": width, "height": 844})
+    last = view.locator(".answer li").last
+    box = last.bounding_box()
+    assert box["y"] + box["height"] < 844
+    seen = view.locator("main").inner_text()
+    for fact in (NOTE, "my-study", "2026-01-02 to 2026-01-05", "KODex, NN, mine, Expert"):
+        assert fact in seen
+    assert last.inner_text().startswith("Door: KODex leads with 95.0%; NN is behind KODex by")
+
+
+def test_five_headings_are_closed_at_first_and_a_link_opens_what_it_points_into(opened, report):
+    view = opened(path=report)
+    parts = view.locator("details.part")
+    headings = ["Success", "Robustness", "Data and time", "KODex inside", "Audit", "Provenance"]
+    assert parts.locator("h2").all_inner_texts() == headings
+    assert view.locator("details[open]").count() == 0
+    assert not view.locator("#figure_5").is_visible()
+    view.evaluate("location.hash = '#figure_5'")
+    view.locator("#figure_5 svg").wait_for(state="visible")
+
+
+def test_claims_that_were_not_run_are_folded_away_each_with_its_evidence(opened, report):
+    view = opened(path=report)
+    claims = view.locator(".claims li")
+    assert claims.count() == 15
+    evidence = claims.first.locator("p")
+    assert not claims.first.is_visible()
+    view.get_by_text("15 not run, for want of results").click()
+    assert not evidence.is_visible()
+    claims.first.locator("summary").click()
+    assert "no results of KODex Tool ood" in evidence.inner_text()
+
+
+def test_each_claim_that_was_decided_has_a_line(opened):
+    view = opened(names=["decided"])
+    assert view.locator(".claims summary").is_visible()
+    assert not view.locator(".claims p").is_visible()
+
+
+def test_a_method_of_ones_own_is_highlighted(opened, report):
+    view = opened(path=report)
+    back = "one => getComputedStyle(one).backgroundColor"
+    shades = [row.evaluate(back) for row in view.locator("#success tbody tr").all()]
+    *others, own = shades
+    assert len(shades) == len(METHODS)
+    assert set(others) == {"rgba(0, 0, 0, 0)"}
+    assert own not in others
+
+
+def test_the_table_of_success_has_a_dot_for_each_seed(opened, report):
+    rows = opened(path=report).locator("#success tbody tr").all()
+    assert [row.locator("circle").count() for row in rows] == [1, 2, 2, 2]
+
+
+def test_figures_follow_the_theme(opened, report):
+    def colours(scheme):
+        view = opened(path=report, color_scheme=scheme)
+        ink = view.locator("#unseen figure svg use").first.evaluate(
+            "one => getComputedStyle(one).fill"
+        )
+        paper = view.locator("#unseen figure svg path").first.evaluate(
+            "one => getComputedStyle(one).fill"
+        )
+        return ink, paper
+
+    (ink, paper), (dark_ink, dark_paper) = colours("light"), colours("dark")
+    assert len({ink, paper, dark_ink, dark_paper}) == 4
+    assert dark_paper == "rgb(23, 24, 26)"
+
+
+def test_a_failing_start_has_a_film_or_the_command_for_one(opened, tmp_path):
+    (tmp_path / "door-start-19.mp4").touch()
+    view = opened()
+    rows = view.locator("#failures tbody tr")
+    assert rows.first.locator("a").get_attribute("href") == "#film-door-start-19"
+    (tmp_path / "door-start-19.mp4").unlink()
+    command = opened().locator("#failures td code").first.text_content()
+    assert command == "bench video door --results DIR --methods kodex --start 19"
+
+
+def test_the_page_of_the_same_results_has_the_same_bytes(report, tmp_path, monkeypatch):
+    monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
+    assert write_report(Few(METHODS), tmp_path).page.read_bytes() == report.read_bytes()
+
+
 def test_what_is_missing_is_named(opened):
-    assert "Not shown, for want of results: Absent: another." in opened().content()
+    assert "Not shown, for want of results: absent: a table." in opened().content()

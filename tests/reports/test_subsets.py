@@ -68,6 +68,7 @@ class Subset(Results):
 
     frame = pd.DataFrame()
     provenance = ()
+    finished = ()
 
     def __init__(self, frame, diverged=False, diagnostics="sound"):
         self.frame, self.diverged, self.kind = frame, diverged, diagnostics
@@ -119,7 +120,9 @@ def few_resamples():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stats, "RESAMPLES", 20)
         paired, mean = stats.paired_difference, stats.mean_over_tasks
-        patch.setattr("reports.claims.paired_difference", lambda *a: paired(*a, resamples=20))
+        for place in ("claims", "compare"):
+            name = f"reports.{place}.paired_difference"
+            patch.setattr(name, lambda *a: paired(*a, resamples=20))
         patch.setattr("reports.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20))
         yield
 

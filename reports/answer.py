@@ -1,0 +1,118 @@
+"""The answer of a study: on each task, which methods do best and how far the others are behind."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from bench.spec import EXPERT
+from reports.compare import compare
+from reports.results import Results
+from reports.style import METHODS, TASKS, display, ordered
+from tasks.errors import InputError
+
+LEVEL = 0.05
+HOW = (
+    "Two methods are told apart on a task if the 95% interval of their difference on the same"
+    " unseen starts excludes zero and q, the p-value corrected for all pairs, is below"
+    f" {LEVEL:g}; bench compare gives all of them. How far one is behind is that interval, in"
+    " points of success."
+)
+Pair = tuple[str, str]
+Gaps = dict[Pair, tuple[float, float]]
+"""By better and worse method, the interval of the difference in points, where they are apart."""
+
+
+def answer(results: Results) -> list[str]:
+    """Returns one sentence for each task that has results on unseen starts.
+
+    It names the method with the most successes, those that cannot be told from it, and the others
+    with how far they are behind it. The expert does not compete.
+    """
+    found = results.main(split="test")
+    found = found[found.method != EXPERT]
+    methods = ordered(found.method, METHODS)
+    pairs = _pairs(results, methods)
+    sentences = []
+    for task in ordered(found.task, TASKS):
+        here = ordered(found[found.task == task].method, METHODS)
+        rates = {method: _rate(results, method, task) for method in here}
+        gaps = _gaps(pairs[pairs.task == task])
+        names = {method: display(method, results.suffixes) for method in here}
+        sentences.append(f"{display(task)}: {_sentence(rates, gaps, names)}.")
+    return sentences
+
+
+def _pairs(results: Results, methods: Sequence[str]) -> pd.DataFrame:
+    """The comparisons on unseen starts; none where fewer than two methods have met the same."""
+    try:
+        table = compare(results, methods)
+    except InputError:
+        return pd.DataFrame(columns=["task"])
+    return table[table.split == "test"]
+
+
+def _rate(results: Results, method: str, task: str) -> float:
+    """Mean success over seeds in per cent."""
+    success = results.success(method=method, task=task, split="test")
+    return 100 * float(np.mean(success)) if success is not None else np.nan
+
+
+def _gaps(pairs: pd.DataFrame) -> Gaps:
+    gaps: Gaps = {}
+    for pair in pairs.itertuples():
+        if pair.q < LEVEL and pair.low > 0:
+            gaps[pair.left, pair.right] = (pair.low, pair.high)
+        elif pair.q < LEVEL and pair.high < 0:
+            gaps[pair.right, pair.left] = (-pair.high, -pair.low)
+    return gaps
+
+
+def _sentence(rates: dict[str, float], gaps: Gaps, names: dict[str, str]) -> str:
+    ranked = sorted(rates, key=lambda method: -rates[method])
+    best, *others = ranked
+    level = [method for method in others if (best, method) not in gaps]
+    behind = [method for method in others if method not in level]
+    said = _leaders([best, *level], rates, gaps, names)
+    if behind:
+        distances = [
+            f"{names[method]}{f' is behind {names[best]}' if method == behind[0] else ''}"
+            f" by {_points(*gaps[best, method])}"
+            for method in behind
+        ]
+        said += f"; {_listed(distances)} points"
+    return said
+
+
+def _leaders(
+    leaders: Sequence[str], rates: dict[str, float], gaps: Gaps, names: dict[str, str]
+) -> str:
+    best, *level = leaders
+    shares = [rates[method] for method in leaders]
+    share = f"{shares[0]:.1f}%"
+    if not level:
+        return (
+            f"{names[best]} leads with {share}"
+            if len(rates) > 1
+            else f"{names[best]} alone has run, {share}"
+        )
+    if any(pair in gaps for pair in _ordered_pairs(leaders)):
+        others = _listed([names[method] for method in level])
+        return f"{names[best]} has the most, {share}, and cannot be told from {others}"
+    if round(shares[-1], 1) != round(shares[0], 1):
+        share = f"{shares[-1]:.1f} to {share}"
+    return f"{_listed([names[method] for method in leaders])} cannot be told apart ({share})"
+
+
+def _ordered_pairs(methods: Sequence[str]) -> list[Pair]:
+    return [(one, other) for one in methods for other in methods if one != other]
+
+
+def _points(low: float, high: float) -> str:
+    digits = 0 if low >= 1 and round(low) != round(high) else 1
+    return f"{low:.{digits}f} to {high:.{digits}f}"
+
+
+def _listed(texts: Sequence[str]) -> str:
+    *first, last = texts
+    return f"{', '.join(first)} and {last}" if first else last

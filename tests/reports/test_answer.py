@@ -1,0 +1,77 @@
+"""The sentences that a report opens with, on made-up differences between methods."""
+
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from reports import answer as module
+from reports.answer import answer
+from reports.results import Results
+from tasks.errors import InputError
+
+
+class MadeUp(Results):
+    def __init__(self, rates):
+        self.rates_of, self.suffixes = rates, {}
+
+    def main(self, **values):
+        return pd.DataFrame({"task": "door", "method": ["expert", *self.rates_of]})
+
+    def success(self, *, method, task, split):
+        return np.arange(1000)[None] < 10 * self.rates_of[method]
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """The answer where methods of these rates are apart by these intervals, and by no others."""
+
+    def answer_of(rates, apart=(), q=0.01):
+        def compare(results, methods):
+            if len(methods) < 2:
+                raise InputError("too few")
+            rows = []
+            for left, right in combinations(methods, 2):
+                low, high = dict(apart).get((left, right), (-1.0, 1.0))
+                row = {"task": "door", "split": "test", "left": left, "right": right}
+                rows.append(row | {"low": low, "high": high, "q": q})
+            return pd.DataFrame(rows)
+
+        monkeypatch.setattr(module, "compare", compare)
+        (sentence,) = answer(MadeUp(rates))
+        return sentence
+
+    return answer_of
+
+
+def test_methods_that_cannot_be_told_apart_are_named_before_those_behind_the_best(said):
+    apart = {("kodex", "ndp"): (-9.2, -0.4), ("nn", "ndp"): (3.8, 9.2)}
+    assert said({"kodex": 90, "nn": 92, "ndp": 85}, apart.items()) == (
+        "Door: NN and KODex cannot be told apart (90.0 to 92.0%);"
+        " NDP is behind NN by 4 to 9 points."
+    )
+
+
+def test_a_method_that_all_others_are_behind_leads(said):
+    apart = {("kodex", "nn"): (0.3, 1.7), ("kodex", "mine"): (10.2, 20.4)}
+    assert said({"kodex": 90, "nn": 89, "mine": 75}, apart.items()) == (
+        "Door: KODex leads with 90.0%;"
+        " NN is behind KODex by 0.3 to 1.7 and mine by 10 to 20 points."
+    )
+
+
+def test_an_interval_without_zero_is_no_difference_where_q_is_large(said):
+    sentence = said({"kodex": 90, "nn": 85}, {("kodex", "nn"): (1.0, 9.0)}.items(), q=0.06)
+    assert sentence == "Door: KODex and NN cannot be told apart (85.0 to 90.0%)."
+
+
+def test_those_level_with_the_best_but_not_with_each_other_are_not_called_alike(said):
+    apart = {("nn", "ndp"): (1.5, 3.5)}
+    assert said({"kodex": 90, "nn": 89, "ndp": 86}, apart.items()) == (
+        "Door: KODex has the most, 90.0%, and cannot be told from NN and NDP."
+    )
+
+
+def test_a_method_without_another_to_compare_is_said_to_be_alone(said):
+    assert said({"kodex": 90}) == "Door: KODex alone has run, 90.0%."
