@@ -52,8 +52,8 @@ def get_preset(name: str) -> Study:
 SMALLEST = "smallest"
 REDUCED = "One seed and fewer episodes than the paper's protocol; trained in full."
 FOR_TESTS = (
-    "`smoke` is for tests: with its few demonstrations and training epochs nothing is learnt, and its"
-    " numbers mean nothing."
+    "`smoke` is for tests: with its few demonstrations and training epochs nothing is learnt, and"
+    " its numbers mean nothing."
 )
 
 PRESETS = {

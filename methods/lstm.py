@@ -44,10 +44,10 @@ class LSTM(NetworkMethod):
         "large": LSTMConfig(embedding=250, hidden=300),
     }
     default_size: ClassVar[Mapping[str, str]] = {
-        "tool": "median",
+        "tool": "small",
         "door": "small",
         "relocation": "large",
-        "reorientation": "small",
+        "reorientation": "median",
     }
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {

@@ -57,7 +57,7 @@ class NDP(NetworkMethod):
         "large": NDPConfig(hidden=(128, 256, 128), basis_functions=30),
     }
     default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("tool", "door", "relocation", "reorientation"), "large"
+        ("tool", "door", "relocation", "reorientation"), "median"
     )
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {

@@ -65,10 +65,10 @@ class NGF(NetworkMethod):
         "large": NGFConfig(hidden=(256, 128)),
     }
     default_size: ClassVar[Mapping[str, str]] = {
-        "tool": "median",
-        "door": "large",
-        "relocation": "large",
-        "reorientation": "large",
+        "tool": "small",
+        "door": "median",
+        "relocation": "small",
+        "reorientation": "small",
     }
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"described": {}, "published": {}}

@@ -65,10 +65,10 @@ class PublishedNGF(NetworkMethod):
         "large": PublishedNGFConfig(hidden=(256, 128), embedding=128),
     }
     default_size: ClassVar[Mapping[str, str]] = {
-        "tool": "median",
-        "door": "large",
-        "relocation": "large",
-        "reorientation": "large",
+        "tool": "small",
+        "door": "median",
+        "relocation": "small",
+        "reorientation": "small",
     }
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"published": {}}
 

@@ -44,9 +44,9 @@ class NN(NetworkMethod):
     }
     default_size: ClassVar[Mapping[str, str]] = {
         "tool": "small",
-        "door": "median",
+        "door": "large",
         "relocation": "median",
-        "reorientation": "median",
+        "reorientation": "large",
     }
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {

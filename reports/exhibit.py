@@ -93,9 +93,13 @@ class Exhibit:
         said += [remark.text for remark in self.remarks if remark.concerns(shown)]
         return " ".join(said)
 
+    def summarised(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Returns the rows that people read, where the figure draws more than they can."""
+        return self.summary(table) if self.summary else table
+
     def wide(self, table: pd.DataFrame) -> pd.DataFrame:
         """Returns the table for people: one line a row, one text a cell."""
-        table = self.summary(table) if self.summary else table
+        table = self.summarised(table)
         texts = table.assign(text=[self._text(row) for row in table.to_dict("records")])
         order = {name: texts[name].drop_duplicates().tolist() for name in ("row", "column")}
         wide = texts.pivot(index="row", columns="column", values="text")

@@ -90,7 +90,7 @@ def render(
 def _shown(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, object]:
     wide = exhibit.wide(table)
     path = figures / f"{exhibit.name}.svg"
-    own = [exhibit.is_own(name) for name in table.row.drop_duplicates()]
+    own = [exhibit.is_own(name) for name in exhibit.summarised(table).row.drop_duplicates()]
     texts = [[name, *map(_breakable, row)] for name, *row in wide.to_numpy().tolist()]
     return {
         "name": exhibit.name,
