@@ -37,6 +37,8 @@ class _Phase:
     name: str
     waiting: dict[int, Cost]
     running: dict[int, _Running] = field(default_factory=dict)
+    sent: dict[int, str] = field(default_factory=dict)
+    """Labels of jobs that wait for a worker; their costs are among those waiting."""
     done: int = 0
     failed: int = 0
 
@@ -90,25 +92,41 @@ class Clock:
         self._phases[self._current].waiting = dict(enumerate(costs))
 
     def start(self, index: int, label: str, now: float) -> None:
-        """A job of the present phase starts, or starts again."""
+        """A job of the present phase is sent, or sent again; it starts once a worker is free."""
         phase = self._phases[self._current]
-        again = phase.running.get(index)
-        cost = again.cost if again else phase.waiting.pop(index)
-        phase.running[index] = _Running(label, cost, now)
+        again = phase.running.pop(index, None)
+        if again:
+            phase.waiting[index] = again.cost
+        phase.sent[index] = label
+        self._start_sent(now)
 
-    def end(self, index: int, seconds: float, failed: bool = False) -> None:
-        """A job has ended, after so many seconds of work."""
+    def _start_sent(self, now: float) -> None:
         phase = self._phases[self._current]
-        cost = phase.running.pop(index).cost
+        for index in list(phase.sent)[: self._jobs - len(phase.running)]:
+            label, cost = phase.sent.pop(index), phase.waiting.pop(index)
+            phase.running[index] = _Running(label, cost, now)
+
+    def _pop(self, index: int) -> Cost:
+        """Takes out a job that has come back, which may be one that was thought to wait."""
+        phase = self._phases[self._current]
+        phase.sent.pop(index, None)
+        job = phase.running.pop(index, None)
+        return job.cost if job else phase.waiting.pop(index)
+
+    def end(self, index: int, seconds: float, now: float, failed: bool = False) -> None:
+        """A job has ended, after so many seconds of work."""
+        phase, cost = self._phases[self._current], self._pop(index)
+        self._start_sent(now)
         phase.done += cost.count
         phase.failed += cost.count * failed
         if not failed:
             self._ended.append((cost, seconds))
 
-    def split(self, index: int) -> None:
+    def split(self, index: int, now: float) -> None:
         """A job has failed whose parts will be tried one by one, when the phase goes on."""
         phase = self._phases[self._current]
-        phase.waiting[-1 - index] = phase.running.pop(index).cost
+        phase.waiting[-1 - index] = self._pop(index)
+        self._start_sent(now)
 
     @property
     def phase_over(self) -> bool:

@@ -92,7 +92,7 @@ class Progress:
     def end(self, index: int, seconds: float, failed: bool = False) -> None:
         """See `bench.clock.Clock.end`."""
         with self._lock:
-            self._clock.end(index, seconds, failed)
+            self._clock.end(index, seconds, self._now(), failed)
             self._news = True
             if self._clock.phase_over:
                 self._say()
@@ -100,7 +100,7 @@ class Progress:
     def split(self, index: int) -> None:
         """See `bench.clock.Clock.split`."""
         with self._lock:
-            self._clock.split(index)
+            self._clock.split(index, self._now())
             self._news = True
 
     def _tick(self) -> None:

@@ -37,7 +37,7 @@ def simulate(clock, jobs, truth, at=0.1):
                     heapq.heappush(running, (now + took[index], index))
                     tell(now, lambda i=index, n=now: clock.start(i, f"job {i}", n))
                 now, index = heapq.heappop(running)
-                tell(now, lambda i=index, s=took[index]: clock.end(i, s))
+                tell(now, lambda i=index, s=took[index], n=now: clock.end(i, s, n))
         return now
 
     total = run(lambda now, event: None)
@@ -84,7 +84,7 @@ def test_the_first_job_of_an_unknown_kind_prices_the_rest():
     clock.expect("", {"fits": [Cost("fit mine", 1.0, known=False)] * 4})
     clock.begin("", "fits", [Cost("fit mine", 1.0, known=False)] * 4)
     clock.start(0, "first", 0.0)
-    clock.end(0, 100.0)
+    clock.end(0, 100.0, 100.0)
     assert clock.left(100.0) == pytest.approx(300)
 
 
@@ -106,7 +106,7 @@ def test_phases_with_nothing_to_do_are_passed_by_and_new_sizes_replace_what_was_
     assert clock.left(0.0) == 100
     clock.begin("sizes", "fits", [cost])  # the controller was shipped
     clock.start(0, "one", 0.0)
-    clock.end(0, 10.0)
+    clock.end(0, 10.0, 10.0)
     clock.begin("then", "fits", [cost] * 3)
     assert clock.left(10.0) == pytest.approx(30)
     assert counted(clock.state(10.0)) == ["sizes: fits 1/1", "then: fits 0/3"]
@@ -118,13 +118,13 @@ def test_fits_of_a_group_that_failed_together_are_counted_one_by_one():
     clock.expect("", {"fits": [group]})
     clock.begin("", "fits", [group])
     clock.start(0, "a-s1,2,3,4,5", 0.0)
-    clock.split(0)
+    clock.split(0, 1.0)
     assert not clock.phase_over
     assert counted(clock.state(1.0)) == ["fits 0/5"]
     clock.begin("", "fits", [one] * 5)
     for index in range(5):
         clock.start(index, f"a-s{index}", 1.0)
-        clock.end(index, 10.0, failed=index == 3)
+        clock.end(index, 10.0, 11.0, failed=index == 3)
     assert clock.phase_over
     assert counted(clock.state(60.0)) == ["fits 5/5 (1 failed)"]
 

@@ -8,7 +8,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import bench
 from bench.packed import SHIPPED
+from methods.registry import get_method
+from reports.results import SIZES
 
 ROOT = Path(__file__).parents[2]
 REPORT = """
@@ -48,3 +51,14 @@ def test_the_tables_of_the_documents_are_those_of_the_report(report, page):
     assert len(marked) == text.count("<!-- ") > 0
     for name, table in marked:
         assert table.strip() in (report / f"tables/{name}.md").read_text(), name
+
+
+@pytest.mark.parametrize("method", ["nn", "lstm", "ndp", "ngf"])
+def test_the_default_size_is_the_smallest_within_five_points_of_the_best(method):
+    found = bench.open().frame.query(
+        "variant == 'described' and split == 'validation' and demos == 200 and method == @method"
+    )
+    rates = (100 * found.successes / found.episodes).groupby([found.task, found["size"]]).mean()
+    for task, default in get_method(method).default_size.items():
+        near = [size for size in SIZES if rates[task][size] >= rates[task].max() - 5]
+        assert default == near[0], task
