@@ -68,7 +68,7 @@ PRESETS = {
         note=FOR_TESTS,
     ),
     "quick": Study(
-        episodes={"success": 200, "ood": 100, "lifting": 100, "stability": 50},
+        episodes={"success": 200, "ood": 100, "lifting": 50, "stability": 50},
         seeds=(1,),
         note=REDUCED,
     ),
