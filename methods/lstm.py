@@ -44,7 +44,7 @@ class LSTM(NetworkMethod):
         "large": LSTMConfig(embedding=250, hidden=300),
     }
     default_size: ClassVar[Mapping[str, str]] = {
-        "tool": "small",
+        "tool": "large",
         "door": "small",
         "relocation": "large",
         "reorientation": "median",

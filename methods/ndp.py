@@ -56,9 +56,12 @@ class NDP(NetworkMethod):
         "median": NDPConfig(hidden=(64, 128, 64), basis_functions=20),
         "large": NDPConfig(hidden=(128, 256, 128), basis_functions=30),
     }
-    default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("tool", "door", "relocation", "reorientation"), "median"
-    )
+    default_size: ClassVar[Mapping[str, str]] = {
+        "tool": "small",
+        "door": "median",
+        "relocation": "median",
+        "reorientation": "median",
+    }
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "described": {},

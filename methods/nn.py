@@ -44,7 +44,7 @@ class NN(NetworkMethod):
     }
     default_size: ClassVar[Mapping[str, str]] = {
         "tool": "small",
-        "door": "large",
+        "door": "median",
         "relocation": "median",
         "reorientation": "large",
     }

@@ -54,11 +54,12 @@ def test_the_tables_of_the_documents_are_those_of_the_report(report, page):
 
 
 @pytest.mark.parametrize("method", ["nn", "lstm", "ndp", "ngf"])
-def test_the_default_size_is_the_smallest_within_five_points_of_the_best(method):
+def test_the_default_size_is_the_smallest_whose_worst_seed_is_near_the_best_size(method):
     found = bench.open().frame.query(
         "variant == 'described' and split == 'validation' and demos == 200 and method == @method"
     )
-    rates = (100 * found.successes / found.episodes).groupby([found.task, found["size"]]).mean()
+    sizes = (100 * found.successes / found.episodes).groupby([found.task, found["size"]])
+    mean, worst = sizes.mean(), sizes.min()
     for task, default in get_method(method).default_size.items():
-        near = [size for size in SIZES if rates[task][size] >= rates[task].max() - 5]
+        near = [size for size in SIZES if worst[task][size] >= mean[task].max() - 10]
         assert default == near[0], task
