@@ -232,7 +232,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         here = table[(table.column == task) & (table.joint == joint)]
         start = here.start.iloc[0]
         line[0].set_ylim(*_limits(here))
-        line[0].set_ylabel(f"{display(task)}, start {start}\n{joint} [rad]", fontsize=8)
+        line[0].set_ylabel(f"{display(task)}\nstart {start}\n{joint} [rad]", fontsize=7.5)
     for axes, method in zip(panels[0], methods, strict=True):
         axes.set_title(exhibit.display(method), pad=10)
     for axes in panels[-1]:
