@@ -528,9 +528,10 @@ def episodes_table(source: Source) -> pd.DataFrame:
     import pandas as pd
 
     names = ["task", "method", "variant", "size", "demos", "seed", *CONDITIONS]
-    frame = labelled(source.frame())
-    if frame.empty:
+    found = source.frame()
+    if found.empty:
         return pd.DataFrame(columns=[*names, "start", "success", "diverged", "steps"])
+    frame = labelled(found)
     parts = [source.outcomes(row) for row in frame.to_dict("records")]
     table = pd.concat(parts, ignore_index=True)
     rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])

@@ -329,8 +329,8 @@ RULES: dict[str, Callable[[type[Method]], None]] = {
         answers,
         finite,
         begins_at_the_start,
-        same_seed_same_answer,
         same_start_same_answer,
+        same_seed_same_answer,
         seeds_alone_or_together,
         one_answer_if_deterministic,
         batch_invariance,
@@ -343,13 +343,16 @@ RULES: dict[str, Callable[[type[Method]], None]] = {
 }
 NEEDED = ("described", "fits", "answers")
 """The rules that a rule needs, unless `NEEDS` says otherwise."""
+REPEATS = (*NEEDED, "same_start_same_answer")
 NEEDS = {
     "described": (),
     "unfitted_raises": NEEDED[:1],
     "fits": NEEDED[:1],
     "answers": NEEDED[:2],
+    "same_seed_same_answer": REPEATS,
+    "survives_storage": REPEATS,
+    "batch_invariance": REPEATS,
     "seeds_alone_or_together": (*NEEDED, "same_seed_same_answer"),
     "one_answer_if_deterministic": (*NEEDED, "same_seed_same_answer"),
     "global_streams_unused": (*NEEDED, "same_seed_same_answer"),
-    "batch_invariance": (*NEEDED, "same_start_same_answer"),
 }

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from bench.spec import EXPERT
+from bench.labels import EXPERT
 from reports.compare import compare
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered

@@ -95,7 +95,7 @@ def _episodes(
     """The episodes of each method on a task, on the splits that there are results of."""
     import pandas as pd
 
-    from bench.spec import EXPERT
+    from bench.labels import EXPERT
     from reports.failing import episodes
     from reports.starts import SPLITS
 

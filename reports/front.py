@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.spec import EXPERT
+from bench.labels import EXPERT
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bench.spec import EXPERT
+from bench.labels import EXPERT
 from bench.store import Store
 from reports.exhibit import Exhibit, in_order
 from reports.failing import evaluations

@@ -18,9 +18,8 @@ from bench.checking import known
 from bench.doing import say
 from bench.driver import learnt
 from bench.jobs import make_policy
-from bench.labels import labels_of, plain
+from bench.labels import EXPERT, labels_of, plain
 from bench.rollout import TrackedMotion
-from bench.spec import EXPERT
 from bench.store import Store
 from bench.verify import stored_cell
 from reports.results import Results

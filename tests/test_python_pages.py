@@ -48,7 +48,7 @@ def test_the_page_on_python_runs(task, run_page, monkeypatch):
     }
     monkeypatch.setattr("bench.opened.view", views.get)
     names = run_page("python.md")
-    assert set(names["results"].frame.method) == {"expert", "kodex", "nn"}
+    assert set(names["results"].frame.method) == {"kodex", "nn"}
     assert names["error"] >= 0
     assert names["found"].drift == 0
     assert Path("kodex-17.png").exists()
@@ -58,6 +58,6 @@ def test_the_page_on_python_runs(task, run_page, monkeypatch):
 def test_the_page_on_own_demonstrations_goes_from_nothing_to_a_row(task, run_page):
     run_page("own_demos.md")
     frame = Store(Path("results/mine")).frame()
-    assert set(frame.method) == {"expert", "kodex"}
+    assert set(frame.method) == {"kodex"}
     assert "the demonstrations of nearest.safetensors" in Store(Path("results/mine")).notes()[0]
     assert "kodex" in Path("results/mine/report/tables/unseen.csv").read_text()

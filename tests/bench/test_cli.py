@@ -4,6 +4,7 @@ import sys
 from dataclasses import replace
 from importlib.metadata import version
 from itertools import pairwise, product
+from pathlib import Path
 
 import pytest
 import typer
@@ -326,7 +327,9 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
 
     (tmp_path / "file").write_text("old")
     monkeypatch.setattr("pandas.DataFrame.to_parquet", fail)
-    monkeypatch.setattr("reports.write.write_report", lambda *arguments: Report([], []))
+    monkeypatch.setattr(
+        "reports.write.write_report", lambda *arguments: Report([], {}, [], Path("index.html"))
+    )
     with pytest.raises(OSError, match="No space left"):
         bench(
             "report",

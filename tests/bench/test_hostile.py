@@ -118,7 +118,7 @@ def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, 
     assert "failed (" in command("status", out)[1]
     assert command("report", out)[0] == 0
     table = pd.read_csv(out / "report/tables/unseen.csv").set_index("row")
-    assert set(table.index) == {"kodex", "nn", "expert", *METHODS} - {*FAILING}
+    assert set(table.index) == {"kodex", "nn", *METHODS} - {*FAILING}
 
 
 def test_check_survives_what_it_checks(command):

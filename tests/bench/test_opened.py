@@ -31,7 +31,7 @@ pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_results_are_opened_with_their_fits(door, bench, tmp_path):
     bench(*RUN, "--seeds", "2,3", "--out", str(tmp_path))
     found = suite.open(tmp_path)
-    assert {"expert", "kodex", "nn"} == set(found.frame.method)
+    assert {"kodex", "nn"} == set(found.frame.method)
     assert len(found.episodes) == found.frame.episodes.sum()
     assert "Reduced protocol" in found.notes[0]
     assert sorted(found.methods("door")) == ["kodex", "nn"]
@@ -192,7 +192,6 @@ def test_options_mean_the_same_as_texts_and_as_values(task):
     [
         ({"method": ["nn"]}, "unknown option of a study 'method': .* did you mean 'methods'"),
         ({"methods": ["mm"]}, "unknown method 'mm'"),
-        ({"methods": ["expert"]}, "the expert is evaluated in every run"),
         ({"episodes": 0}, "episodes must be a whole number from 1"),
         ({"seeds": []}, "takes a number of seeds"),
         ({"settings": {"epochs": 5}}, r"takes METHOD.FIELD=VALUE, .* got 'epochs'"),

@@ -54,6 +54,8 @@ class Few(Results):
 
     provenance = ({"host": HOSTILE[0], "versions": {}},)
     finished = ("2026-01-02", "2026-01-03", "2026-01-05")
+    source = None
+    """It has no fits."""
 
     def __init__(self, methods, notes=(NOTE,)):
         self.folder, self._notes = Path("my-study"), notes
