@@ -33,7 +33,7 @@ def test_results_are_opened_with_their_fits(door, bench, tmp_path):
     found = suite.open(tmp_path)
     assert {"kodex", "nn"} == set(found.frame.method)
     assert len(found.episodes) == found.frame.episodes.sum()
-    assert "Reduced protocol" in found.notes[0]
+    assert "numbers mean nothing" in found.notes[0]
     assert sorted(found.methods("door")) == ["kodex", "nn"]
 
     _, validation = suite.demos("door")

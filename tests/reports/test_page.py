@@ -82,6 +82,9 @@ class Few(Results):
         success = np.arange(row["episodes"]) % 20 < 20 * RATES.get(row["method"], 0.5)
         return pd.DataFrame({"success": success, "diverged": False})
 
+    def readings(self, row):
+        return None
+
     def controller_spec(self, key):
         return {"config": {"learning_rate": 1e-4, "epochs": 300}}
 
