@@ -31,12 +31,12 @@ from tasks.errors import InputError
 from tasks.masses import READINGS, VARIATIONS
 
 
-@pytest.mark.parametrize("task", ["door"], indirect=True)
 def without_motions(files):
     """What a report on packed results has: motions are predicted by fits, which are not packed."""
     return {name: digest for name, digest in files.items() if "/motions." not in name}
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestInProcess:
     def test_a_run_stores_what_it_says_and_the_next_finds_nothing_missing(
         self, task, smoke, bench, tmp_path, files_of
