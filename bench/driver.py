@@ -299,13 +299,15 @@ class _Runner:
     ) -> None:
         """Runs a job for each group of what goes together, and commits what comes of it.
 
-        A group whose job fails is tried again one by one.
+        The longest job begins first, so that none is waited for at the end. A group whose job fails
+        is tried again one by one.
         """
+        threads = simulator_threads(self.where.jobs)
         left = [[one for one in group if one.label not in self.failed] for group in groups]
-        left = [group for group in left if group]
+        left = sorted(filter(None, left), key=lambda group: -_cost(group, threads).seconds)
         if not left:
             return
-        costs = [_cost(group, simulator_threads(self.where.jobs)) for group in left]
+        costs = [_cost(group, threads) for group in left]
         self.progress.begin(self.wave, round_, costs)
         calls = [
             partial(self._call, index, job, arguments, group) for index, group in enumerate(left)

@@ -103,7 +103,8 @@ def _priced(study: Study, folder: Path, jobs: int) -> Plan:
         missing_evaluations=len(missing.episodes),
         missing_episodes=episodes,
         cpu_hours=sum(map(sum, work.values())) / 3600,
-        wall_hours=sum(schedule(seconds, jobs) for seconds in walls.values()) / 3600,
+        wall_hours=sum(schedule(sorted(seconds, reverse=True), jobs) for seconds in walls.values())
+        / 3600,
         longest_hours=sum(max(seconds, default=0.0) for seconds in walls.values()) / 3600,
         memory_gib=GIB_PER_JOB * jobs,
         disk_gib=size / 2**30,

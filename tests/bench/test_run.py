@@ -9,13 +9,15 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from bench import load
+from bench import driver, load
 from bench import run as run_from_python
 from bench.backend import Workers
 from bench.clock import schedule
 from bench.controller import ControllerConfig
+from bench.costs import fit_cost
 from bench.driver import cores, run
 from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, learning_from, recipes_of
+from bench.jobs import fit_job
 from bench.merge import merge
 from bench.parsing import settings
 from bench.presets import get_preset
@@ -920,3 +922,18 @@ def test_a_plan_schedules_jobs_as_they_come():
     assert schedule([1, 1, 1, 9], 2) == 10
     assert schedule([9, 1, 1, 1], 2) == 9
     assert schedule([5, 1], 128) == 5
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_longest_job_begins_first(task, smoke, tmp_path, monkeypatch):
+    begun = []
+
+    def noted(fits, demos, validation):
+        begun.append(fit_cost(fits).seconds)
+        return fit_job(fits, demos, validation)
+
+    monkeypatch.setattr(driver, "fit_job", noted)
+    study = replace(get_preset("smoke"), methods=("kodex", "ndp", "nn"), episodes={"success": 5})
+    run(study, tmp_path, Workers(1, "sequential"))
+    assert begun == sorted(begun, reverse=True)
+    assert len(begun) == 3
