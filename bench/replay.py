@@ -14,6 +14,7 @@ import numpy as np
 from bench.driver import learnt
 from bench.isolation import apart
 from bench.jobs import make_policy
+from bench.labels import plain
 from bench.rollout import TrackedMotion
 from bench.spec import EXPERT
 from bench.store import Store
@@ -115,9 +116,10 @@ def replay(
             f" episode of {row['method']}: there are 0 to {row['episodes'] - 1}"
         )
     wanted = [int(start) for start in sorted(starts)]
-    if row["method"] in (EXPERT, *SUITE):
+    if plain(row["method"]) in (EXPERT, *SUITE):
         return _replay(folder, row, wanted, whole)
-    found: Replay = apart(_replay, folder, row, wanted, whole)
+    # Another process may be in another folder.
+    found: Replay = apart(_replay, folder.absolute(), row, wanted, whole)
     return found
 
 

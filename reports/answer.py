@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 
 from bench.labels import EXPERT
 from reports.compare import compare
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
+from reports.unseen import success_by_method
 from tasks.errors import InputError
 
 LEVEL = 0.05
@@ -32,11 +32,12 @@ def answer(results: Results) -> list[str]:
     found = results.main(split="test")
     found = found[found.method != EXPERT]
     methods = ordered(found.method, METHODS)
-    pairs = _pairs(results, methods)
+    pairs, shown = _pairs(results, methods), success_by_method(results, "test")
     sentences = []
     for task in ordered(found.task, TASKS):
         here = ordered(found[found.task == task].method, METHODS)
-        rates = {method: _rate(results, method, task) for method in here}
+        column = shown[shown.column == task].set_index("row").value
+        rates = {method: float(column[method]) for method in here}
         gaps = _gaps(pairs[pairs.task == task])
         names = {method: display(method, results.suffixes) for method in here}
         sentences.append(f"{display(task)}: {_sentence(rates, gaps, names)}.")
@@ -50,12 +51,6 @@ def _pairs(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     except InputError:
         return pd.DataFrame(columns=["task"])
     return table[table.split == "test"]
-
-
-def _rate(results: Results, method: str, task: str) -> float:
-    """Mean success over seeds in per cent."""
-    success = results.success(method=method, task=task, split="test")
-    return 100 * float(np.mean(success)) if success is not None else np.nan
 
 
 def _gaps(pairs: pd.DataFrame) -> Gaps:

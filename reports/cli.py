@@ -11,10 +11,10 @@ import typer
 
 from bench.doing import doing
 from bench.options import SOME_FAILED, AsJson, Jobs, TaskName, number, results_folder
-from bench.parsing import names
+from bench.parsing import known_names, names
 from tasks.errors import InputError
 from tasks.files import whole_file, writable_file, writable_folder
-from tasks.registry import get_task
+from tasks.registry import TASKS
 
 if TYPE_CHECKING:
     from reports.results import Results
@@ -214,7 +214,7 @@ def video(
     """Film methods side by side from the same start, with the predicted motion as a ghost."""
     from bench.renderer import renderer
 
-    get_task(task)
+    known_names("TASK", "task", task, TASKS)
     chosen = names("--methods", methods)
     results_folder(results)
     drawing = renderer()

@@ -141,12 +141,17 @@ def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> s
 
 
 def _next_commands(trial: "Trial", out: Path) -> str:
+    from bench.labels import labelled
+    from bench.store import Store, folder_name
+
     fit, failed, folder = trial.cell.fit, trial.failures, shlex.quote(str(out))
+    rows = labelled(Store(out).frame())
+    name = rows[rows.folder == folder_name(fit.label, fit.key)].method.iloc[0]
     start = (failed or [0])[0]
-    film = f"bench video {fit.task} --results {folder} --start {start} --methods {fit.method}"
+    film = f"bench video {fit.task} --results {folder} --start {start} --methods {name}"
     if not failed:
         return f"none failed; film of one: {film}"
     seed = f" --seed {fit.seed}" if fit.seed else ""
-    shown = f"bench failures {folder} --method {fit.method} --task {fit.task}{seed}"
+    shown = f"bench failures {folder} --method {name} --task {fit.task}{seed}"
     diverged = f" ({trial.diverged} diverged)" if trial.diverged else ""
     return f"{len(failed)} failed{diverged}: {shown}\nfilm of the first: {film}"

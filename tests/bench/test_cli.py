@@ -356,3 +356,14 @@ def test_compare_takes_a_folder_or_the_shipped_results(bench, tmp_path):
         code, _, err = bench("compare", *arguments, "--methods", "kodex,nn")
         assert code == 2
         assert "give a results folder or --reference" in err
+
+
+def test_video_chooses_a_renderer_before_mujoco_is_imported(tmp_path):
+    code = (
+        "import sys; from bench.cli import main\n"
+        f"sys.argv = ['bench', 'video', 'door', '--results', {str(tmp_path)!r}, '--methods', 'nn']\n"
+        "try: main()\nexcept SystemExit: print('mujoco' in sys.modules)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"
+    assert "holds no results" in found.stderr
