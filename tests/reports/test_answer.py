@@ -2,7 +2,6 @@
 
 from itertools import combinations
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -19,8 +18,10 @@ class MadeUp(Results):
     def main(self, **values):
         return pd.DataFrame({"task": "door", "method": ["expert", *self.rates_of]})
 
-    def success(self, *, method, task, split):
-        return np.arange(1000)[None] < 10 * self.rates_of[method]
+    def rates(self, evaluations, by):
+        rows = [{"method": "expert", "value": 100.0}]
+        rows += [{"method": name, "value": float(rate)} for name, rate in self.rates_of.items()]
+        return pd.DataFrame(rows).assign(task="door")
 
 
 @pytest.fixture
