@@ -359,9 +359,9 @@ def test_compare_takes_a_folder_or_the_shipped_results(bench, tmp_path):
 
 
 def test_video_chooses_a_renderer_before_mujoco_is_imported(tmp_path):
+    words = ["bench", "video", "door", "--results", str(tmp_path), "--methods", "nn"]
     code = (
-        "import sys; from bench.cli import main\n"
-        f"sys.argv = ['bench', 'video', 'door', '--results', {str(tmp_path)!r}, '--methods', 'nn']\n"
+        f"import sys; from bench.cli import main; sys.argv = {words}\n"
         "try: main()\nexcept SystemExit: print('mujoco' in sys.modules)"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
