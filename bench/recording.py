@@ -54,7 +54,7 @@ def _attempt_apart(task: str, place: str, starts: Starts) -> Attempt:
 
 
 def _attempt(task: str, place: str, starts: Starts, folder: str) -> Attempt | Failure:
-    """What comes of a block of starts, with the folder of the command as current one."""
+    """Records from a block of starts, in the folder that the command was called in."""
     os.chdir(folder)
     try:
         return record(get_task(task), starts, OwnPolicy(place, load_policy(place)))

@@ -12,6 +12,7 @@ from bench.backend import Workers
 from bench.controller import NO_CONTROLLER, ControllerConfig
 from bench.driver import run_cells
 from bench.intervals import wilson
+from bench.labels import plain
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from bench.store import CONDITIONS, Source, Store
 from tasks.data import generator
@@ -122,5 +123,6 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
 
 
 def fit_of(row: Mapping[str, Any]) -> Fit:
-    """Returns the fit of a row of `Store.frame`, whatever it learnt from."""
-    return Fit(**{field.name: row[field.name] for field in fields(Fit)})
+    """Returns the fit of a row of `Store.frame`, labelled or not, whatever it learnt from."""
+    values = {field.name: row[field.name] for field in fields(Fit)}
+    return Fit(**values | {"method": plain(row["method"])})

@@ -106,7 +106,7 @@ def _fit(method: type[Method], seed: int = 1) -> ToyFit:
 
 
 def _refit(method: type[Method]) -> ToyFit:
-    """The same again."""
+    """A second fit with the first seed."""
     return _fitted(method, 1, 2)
 
 

@@ -14,7 +14,7 @@ from tasks.data import CONTROL_STEP, Demos, FloatArray, Layout, Starts, generato
 LAYOUT = Layout(robot_dim=28, object_dim=7, action_dim=28)
 """Of Door."""
 HORIZON = 100
-"""T of the longest task of the suite: what is asked at any step of a run is asked in a check."""
+"""T of the longest task of the suite, so that a check covers every step of a run."""
 EPOCHS = 3
 """Bound of a config's ``epochs``, where nothing depends on how well it learns."""
 

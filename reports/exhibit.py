@@ -79,9 +79,9 @@ class Exhibit:
         """Returns what a reader must know of the values."""
         said = [self.about]
         if "n" in table and table.n.notna().any():
-            said.append(f"n = {_range(table.n)} episodes of each fit.")
+            said.append(f"n = {span(table.n)} episodes of each fit.")
         if "seeds" in table and table.seeds.notna().any():
-            said.append(f"Seeds: {_range(table.seeds)}.")
+            said.append(f"Seeds: {span(table.seeds)}.")
             if "low" in table:
                 said.append(_intervals(int(table.seeds.max())))
         if "diverged" in table and table.diverged.sum():
@@ -319,6 +319,7 @@ def _intervals(seeds: int) -> str:
     )
 
 
-def _range(values: pd.Series) -> str:
+def span(values: pd.Series) -> str:
+    """Returns the lowest and the highest of whole numbers as text, or the one there is."""
     low, high = int(values.min()), int(values.max())
     return f"{low:,}" if low == high else f"{low:,} to {high:,}"

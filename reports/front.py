@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bench.labels import EXPERT
-from reports.exhibit import Exhibit
+from reports.exhibit import Exhibit, span
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
 
@@ -30,8 +30,8 @@ def study(results: Results) -> dict[str, str]:
         "run": " to ".join(dict.fromkeys([days[0], days[-1]])) if days else "unknown",
         "methods": ", ".join(display(name, results.suffixes) for name in methods),
         "tasks": ", ".join(map(display, ordered(frame.task, TASKS))),
-        "seeds of a method": _range(seeds) + alone,
-        "starts": _range(found.episodes),
+        "seeds of a method": span(seeds) + alone,
+        "starts": span(found.episodes),
     }
 
 
@@ -137,8 +137,3 @@ def _strip(row: Any, shares: np.ndarray, low: float, high: float) -> Strip:
         low=place(row.low),
         high=place(row.high),
     )
-
-
-def _range(values: pd.Series) -> str:
-    low, high = int(values.min()), int(values.max())
-    return f"{low:,}" if low == high else f"{low:,} to {high:,}"

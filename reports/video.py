@@ -18,7 +18,7 @@ from bench.checking import known
 from bench.doing import say
 from bench.driver import learnt
 from bench.jobs import make_policy
-from bench.labels import EXPERT, labels_of, plain
+from bench.labels import EXPERT, labels_of
 from bench.rollout import TrackedMotion
 from bench.store import Store
 from bench.verify import stored_cell
@@ -162,8 +162,7 @@ def _tested(results: Results, task: str) -> pd.DataFrame:
 def _row(results: Results, task: str, method: str) -> dict[str, Any]:
     tested = _tested(results, task)
     label = labels_of(method, list(tested.method.unique()))[0]
-    first = tested[tested.method == label].sort_values("seed").to_dict("records")[0]
-    return first | {"method": plain(label)}
+    return dict(tested[tested.method == label].sort_values("seed").to_dict("records")[0])
 
 
 def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended: bool) -> Frame:

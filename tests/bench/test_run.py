@@ -278,6 +278,11 @@ class TestInProcess:
         for names in ("kodex", ",".join(labels)):
             pairs = json.loads(bench("compare", str(tmp_path), "--methods", names, "--json")[1])
             assert [[pair["left"], pair["right"]] for pair in pairs] == [labels]
+        for label in labels:
+            words = ("--method", label, "--task", "door")
+            code, said, _ = bench("failures", str(tmp_path), *words)
+            assert code == 0
+            assert f"| door   | {label} " in said
         assert bench("report", str(tmp_path))[0] == 0
         table = (tmp_path / "report/tables/unseen.md").read_text()
         for number in (1, 2):
