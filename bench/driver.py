@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from bench.admission import admissions, guests, introductions
 from bench.backend import IN_THIS_PROCESS, Call, Interrupts, Workers, answers, workers
 from bench.clock import Clock
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
-from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
+from bench.experiments import cells_of, first_wave
 from bench.isolation import Failure
 from bench.jobs import Fitted, Piece, controller_job, evaluation_job, fit_job
 from bench.machine import cached_factor
@@ -31,18 +31,23 @@ from bench.pending import pending
 from bench.presets import Study
 from bench.progress import Progress
 from bench.run_state import StateFile
-from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
+from bench.selection import chosen_sizes
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store, folder_name
+from bench.study_demos import demos_keys_of
 from bench.trained import keep, trained
+from bench.training_data import (
+    controller_demos,
+    starts_of,
+    training_demos,
+    validation_demos,
+    wanted_episodes,
+)
 from methods.base import Method
 from methods.description import stand_in
 from methods.registry import introduced
-from tasks.data import Demos, Starts
-from tasks.demos import TRAINING, demos_path, load_demos, record, split
+from tasks.demos import TRAINING
 from tasks.errors import InputError
-from tasks.experts import load_expert
-from tasks.masses import NOMINAL
-from tasks.registry import get_task
 from tasks.simulator import CHUNK
 
 SIZES, REST = "sizes", "then"
@@ -81,20 +86,20 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     where.check()
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
-    recipes = recipes_of(study)
+    demos_keys = demos_keys_of(study)
     # The largest study there can be: what does not exist is refused before anything is made.
-    largest = None if guests(study.methods) else cells_of(study, recipes)
+    largest = None if guests(study.methods) else cells_of(study, demos_keys)
     with _running(folder, where, str(folder)) as runner:
         study = runner.admitted(study)
         if not study.methods and not study.expert:
             return runner.outcome([])
-        expected = cells_of(study, recipes) if largest is None else largest
+        expected = cells_of(study, demos_keys) if largest is None else largest
         runner.store.check(expected)
-        compared = first_wave(study, recipes)
+        compared = first_wave(study, demos_keys)
         runner.expect(compared, expected)
         runner.compute(compared, study.note, SIZES)
         chosen = chosen_sizes(study, runner.stored(compared)) if compared else {}
-        cells = cells_of(study, recipes, chosen)
+        cells = cells_of(study, demos_keys, chosen)
         runner.compute(cells, study.note, REST if compared else "")
         return runner.outcome(cells)
 
@@ -206,7 +211,8 @@ class _Runner:
         """Computes what is missing of the cells, but for what has failed in this run."""
         self.wave = wave
         if cells:
-            self.store.ask_for([_possible(cell) for cell in cells], note)
+            possible = [replace(cell, episodes=wanted_episodes(cell)) for cell in cells]
+            self.store.ask_for(possible, note)
             self._controllers(cells)
             self._fits(cells)
             self._evaluations(cells)
@@ -280,7 +286,7 @@ class _Runner:
 
         Nothing where the fit or the controller is not there: its failure has been noted.
         """
-        starts = _starts(cell)
+        starts = starts_of(cell)
         stored = self.store.episodes(cell.fit, cell.evaluation)
         found = 0 if stored is None else len(stored)
         tracked = cell.controller is None or self.store.has_controller(cell.controller)
@@ -367,54 +373,6 @@ def _cost(group: Sequence[Any], threads: int) -> Cost:
     if isinstance(first, ControllerSpec):
         return controller_cost(first)
     return evaluation_cost(first.cell.evaluation, len(first.starts), threads)
-
-
-def training_demos(of: Fit | ControllerSpec) -> Demos:
-    """Returns the training demonstrations that something learns from, made if need be."""
-    return _demos(of)[0][: of.demos]
-
-
-def validation_demos(of: Fit | ControllerSpec) -> Demos:
-    """Returns the validation demonstrations that go with them, made if need be."""
-    return _demos(of)[1]
-
-
-def _demos(of: Fit | ControllerSpec) -> tuple[Demos, Demos]:
-    return _demos_at(demos_path(get_task(of.task), of.recipe), of.task, of.recipe)
-
-
-@cache
-def _demos_at(path: Path, task: str, recipe: str) -> tuple[Demos, Demos]:
-    """The demonstrations that the cache keeps there: in another cache they would lie elsewhere."""
-    return split(load_demos(get_task(task), recipe))
-
-
-def controller_demos(spec: ControllerSpec) -> Demos:
-    """Returns what a controller learns from: demonstrations, or what the expert does elsewhere."""
-    task = get_task(spec.task)
-    if spec.physics != NOMINAL:
-        starts = task.sample("demo", spec.demos)
-    elif spec.raw:
-        starts = training_demos(spec).starts
-    else:
-        return training_demos(spec)
-    expert = load_expert(task).policy
-    return record(task, starts, expert, spec.physics, failures=spec.failures, raw=spec.raw)[1]
-
-
-def _possible(cell: Cell) -> Cell:
-    """The cell, with no more episodes than there are starts."""
-    if cell.evaluation.split != VALIDATION:
-        return cell
-    return replace(cell, episodes=min(cell.episodes, len(validation_demos(cell.fit))))
-
-
-def _starts(cell: Cell) -> Starts:
-    """The first starts of an evaluation; there are as many validation starts as demonstrations."""
-    evaluation = cell.evaluation
-    if evaluation.split == VALIDATION:
-        return validation_demos(cell.fit).starts[: cell.episodes]
-    return get_task(evaluation.task).sample(evaluation.split, cell.episodes)
 
 
 def _facts(seconds: float) -> dict[str, Any]:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
-from bench.spec import EXPERT, VALIDATION, Cell, ControllerSpec, Fit, seed_blocks
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
 from bench.store import Store
-from tasks import demos
-from tasks.registry import get_task
+from bench.training_data import wanted_episodes
 
 
 @dataclass(frozen=True)
@@ -39,11 +38,11 @@ def pending(store: Store, cells: Sequence[Cell], earlier: Sequence[Cell] = ()) -
     """Returns what is missing of cells once the earlier ones are there."""
     known = {cell.fit.key for cell in earlier}
     tracked = {cell.controller.key for cell in earlier if cell.controller}
-    evaluated = {_place(cell): _wanted(cell) for cell in earlier}
+    evaluated = {_place(cell): wanted_episodes(cell) for cell in earlier}
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
     controllers = {cell.controller.key: cell.controller for cell in cells if cell.controller}
     counts = [
-        (cell, _wanted(cell) - max(stored, evaluated.get(_place(cell), 0)))
+        (cell, wanted_episodes(cell) - max(stored, evaluated.get(_place(cell), 0)))
         for cell in cells
         for stored in [store.glimpse_episodes(cell.fit, cell.evaluation)]
     ]
@@ -62,18 +61,3 @@ def pending(store: Store, cells: Sequence[Cell], earlier: Sequence[Cell] = ()) -
 
 def _place(cell: Cell) -> tuple[str, str]:
     return cell.fit.key, cell.evaluation.name
-
-
-def _wanted(cell: Cell) -> int:
-    """The episodes of a cell, of which there are no more than starts."""
-    if cell.evaluation.split != VALIDATION:
-        return cell.episodes
-    return min(cell.episodes, _validation_count(cell.fit))
-
-
-def _validation_count(fit: Fit) -> int:
-    """How many validation starts there are, without making demonstrations that are not there."""
-    task = get_task(fit.task)
-    if fit.recipe == demos.demos_key(task):
-        return demos.VALIDATION
-    return len(demos.split(demos.load_demos(task, fit.recipe))[1])

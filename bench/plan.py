@@ -21,13 +21,14 @@ from bench.clock import schedule
 from bench.costs import JOB_SECONDS
 from bench.doing import say
 from bench.driver import simulator_threads
-from bench.experiments import cells_of, recipes_of
+from bench.experiments import cells_of
 from bench.isolation import apart
 from bench.machine import machine_factor, random_demos, warm_up
 from bench.pending import pending
 from bench.presets import Study
 from bench.spec import Fit
 from bench.store import Store
+from bench.study_demos import demos_keys_of
 from bench.trained import trained
 from methods.base import Method, shortened
 from methods.registry import SUITE, introduced
@@ -82,7 +83,7 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
 
 
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
-    cells = cells_of(study, recipes_of(study))
+    cells = cells_of(study, demos_keys_of(study))
     missing = pending(Store(folder), cells)
     missing = replace(missing, controllers=[c for c in missing.controllers if not trained(c)])
     say("measuring how fast this machine is")

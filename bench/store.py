@@ -36,7 +36,7 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
-from bench.controller import NO_CONTROLLER, ON_SUCCESSES, TUNED
+from bench.controller_kinds import NO_CONTROLLER, ON_SUCCESSES, TUNED
 from bench.labels import labelled
 from tasks.data import NonFinite
 from tasks.errors import InputError
@@ -55,7 +55,7 @@ KEY_DIGITS = 12
 CONDITIONS = ("split", "physics", "controller", "rule")
 """What tells the evaluations of a fit apart."""
 NUMBERS = ("demos", "seed")
-_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "recipe", "settings")
+_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "demos_key", "settings")
 _SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
 COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
 """Of what `Store.frame` returns."""

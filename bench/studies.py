@@ -117,7 +117,7 @@ def _seeds(study: Study, seeds: str | int | Sequence[int]) -> Study:
 
 
 def _demos(study: Study, files: str | Path | Sequence[str | Path]) -> Study:
-    from bench.experiments import learning_from
+    from bench.study_demos import learning_from
 
     several = [files] if isinstance(files, str | Path) else files
     return learning_from(study, [Path(file) for file in several])

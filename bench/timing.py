@@ -9,11 +9,11 @@ from typing import Any
 
 from bench.backend import Call, Interrupts, answers, workers
 from bench.doing import say
-from bench.driver import training_demos, validation_demos
 from bench.isolation import Failure
 from bench.jobs import fit_job
 from bench.spec import EXPERT, VALIDATION, Fit
 from bench.store import Store
+from bench.training_data import training_demos, validation_demos
 from bench.verify import stored_fit
 from methods.kodex import LIFTING_VARIANTS
 from tasks.data import Demos
@@ -46,7 +46,7 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
             & (frame.method != EXPERT)
             & frame.variant.isin(["described", *LIFTING_VARIANTS])
         ]
-        group = ["task", "method", "settings", "variant", "size", "demos", "recipe"]
+        group = ["task", "method", "settings", "variant", "size", "demos", "demos_key"]
         firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
         missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
         timed = 0

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from bench.backend import Workers
-from bench.controller import NO_CONTROLLER, ControllerConfig
+from bench.controller import ControllerConfig
+from bench.controller_kinds import NO_CONTROLLER
 from bench.driver import run_cells
 from bench.intervals import wilson
 from bench.labels import plain
@@ -113,8 +114,8 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
     """
     fit = fit_of(row)
     task = get_task(fit.task)
-    kept = fit.method != EXPERT and demos_path(task, fit.recipe).exists()
-    if fit.recipe != demos_key(task) and not kept:
+    kept = fit.method != EXPERT and demos_path(task, fit.demos_key).exists()
+    if fit.demos_key != demos_key(task) and not kept:
         raise InputError(
             f"{fit.label} learnt from other demonstrations than this installation makes: of"
             " another expert, task or version of MuJoCo"

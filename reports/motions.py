@@ -93,10 +93,10 @@ def _demonstrated(row: Mapping[str, Any], start: int) -> FloatArray:
 
     task = get_task(row["task"])
     here = task.sample("test", start + 1)[start:]
-    if row["method"] == EXPERT or row["recipe"] == demos_key(task):
+    if row["method"] == EXPERT or row["demos_key"] == demos_key(task):
         shown = record(task, here, load_expert(task).policy, failures=True)[1]
     else:
-        demos = load_demos(task, row["recipe"])
+        demos = load_demos(task, row["demos_key"])
         width = np.subtract(task.in_distribution.high, task.in_distribution.low)
         away = np.linalg.norm((demos.starts.values - here.values) / width, axis=1)
         shown = demos[np.array([away.argmin()])]
@@ -173,9 +173,9 @@ def _of_task(results: Results, rows: Sequence[dict[str, Any]]) -> list[pd.DataFr
     found, shown = [], {}
     for row in rows:
         try:
-            if row["recipe"] not in shown:
-                shown[row["recipe"]] = _demonstrated(row, start)
-            whole = _motions(results, row, start, shown[row["recipe"]])
+            if row["demos_key"] not in shown:
+                shown[row["demos_key"]] = _demonstrated(row, start)
+            whole = _motions(results, row, start, shown[row["demos_key"]])
         except InputError as error:
             print(f"bench: no motion of {row['method']} on {row['task']}: {error}", file=sys.stderr)
             continue

@@ -16,7 +16,7 @@ from typing import Any
 
 import pandas as pd
 
-from bench.controller import ORIGINAL
+from bench.controller_kinds import ORIGINAL
 from bench.labels import EXPERT, plain
 from bench.store import CONDITIONS
 from reports.alike import FEWEST, common_seeds
@@ -54,7 +54,7 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     """
     learnt = rows[rows.method != EXPERT]
     experts = rows[rows.method == EXPERT].drop_duplicates("task")
-    own = dict(zip(experts.task, experts.recipe, strict=True))
+    own = dict(zip(experts.task, experts.demos_key, strict=True))
     found = [*_demonstrations(learnt, own), *_controllers(learnt, specs, own)]
     found += [*_shares(learnt), *_seeds(learnt)]
     table = pd.DataFrame(found, columns=["task", "method", "setting", "value"]).drop_duplicates()
@@ -75,8 +75,8 @@ def _demonstrations(learnt: pd.DataFrame, own: Mapping[str, str]) -> Iterator[Se
     most = learnt.groupby(["task", "method", "variant", *CONDITIONS], sort=False).demos.max()
     for (task, method, *_), count in most.items():
         yield task, method, DEMOS, str(count)
-    for one in learnt.drop_duplicates(["task", "method", "recipe"]).itertuples():
-        yield one.task, one.method, RECIPE, _origin(one.recipe, own.get(one.task))
+    for one in learnt.drop_duplicates(["task", "method", "demos_key"]).itertuples():
+        yield one.task, one.method, RECIPE, _origin(one.demos_key, own.get(one.task))
 
 
 def _origin(recipe: str, own: str | None) -> str:
@@ -93,7 +93,7 @@ def _controllers(learnt: pd.DataFrame, specs: Specs, own: Mapping[str, str]) -> 
             spec = specs(one.controller_key)
         except InputError:
             continue
-        origin = _origin(spec["recipe"], own.get(one.task))
+        origin = _origin(spec["demos_key"], own.get(one.task))
         fields = {**spec["config"], DEMOS: spec["demos"], RECIPE: origin}
         for field, value in fields.items():
             yield one.task, one.method, f"{name} {field.replace('_', ' ')}", str(value)

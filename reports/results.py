@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.controller import AUDITED
+from bench.controller_kinds import AUDITED
 from bench.labels import EXPERT, labelled
 from bench.packed import SHIPPED, open_results
 from bench.selection import best_size

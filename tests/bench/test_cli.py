@@ -10,9 +10,10 @@ import pytest
 import typer
 
 from bench.cli import app
-from bench.experiments import EXPERIMENTS, cells_of, recipes_of
+from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import PRESETS
 from bench.store import Store
+from bench.study_demos import demos_keys_of
 from reports.write import MODULES, Report
 from tasks.masses import VARIATIONS, physics_names
 from tasks.registry import TASKS, get_task
@@ -105,7 +106,7 @@ def test_describe_tells_what_an_experiment_computes(bench, name):
     assert facts["varies"]
     for preset, study in PRESETS.items():
         alone = replace(study, episodes={n: k for n, k in study.episodes.items() if n == name})
-        cells = cells_of(alone, recipes_of(alone)) if alone.episodes else []
+        cells = cells_of(alone, demos_keys_of(alone)) if alone.episodes else []
         counts = facts["presets"][preset]
         assert (counts is None) == (name not in study.episodes)
         if counts:

@@ -279,6 +279,6 @@ def test_a_run_of_several_tasks_takes_a_file_for_each(task, smoke, bench, tmp_pa
     starts = tool.sample("demo", 4)
     save_demos(record(tool, starts, Replay(actions), failures=True)[1], files[1])
     study = study_of("quick", tasks="door,tool", demos=files)
-    assert set(study.recipes) == {"door", "tool"}
+    assert set(study.demos_keys) == {"door", "tool"}
     assert study.demos <= 3
     assert all(name in study.note for name in ("door.safetensors", "tool.safetensors"))

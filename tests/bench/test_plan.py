@@ -9,12 +9,13 @@ import pytest
 
 from bench import machine, measuring, plan
 from bench.costs import Price, calibration_seconds, fit_cost
-from bench.experiments import cells_of, recipes_of
+from bench.experiments import cells_of
 from bench.jobs import fit_job
 from bench.pending import pending
 from bench.presets import get_preset
 from bench.spec import Fit
 from bench.store import Store
+from bench.study_demos import demos_keys_of
 from methods import registry
 from methods.base import MotionMethod
 from methods.kodex import Kodex
@@ -93,7 +94,7 @@ def block(method, seeds=1):
     sizes = METHODS[method].sizes
     size, config = next(iter(sizes.items()))
     return [
-        Fit("door", method, "described", size, asdict(config), 10, seed, "recipe")
+        Fit("door", method, "described", size, asdict(config), 10, seed, "key")
         for seed in range(1, seeds + 1)
     ]
 
@@ -158,7 +159,7 @@ def test_a_method_that_needs_three_demonstrations_is_priced(brought, capsys):
 
 def test_the_table_of_costs_has_all_that_paper_does(tmp_path):
     study = get_preset("paper")
-    missing = pending(Store(tmp_path), cells_of(study, recipes_of(study)))
+    missing = pending(Store(tmp_path), cells_of(study, demos_keys_of(study)))
     costs = [cost for phase in missing.costs().values() for cost in phase]
     assert {cost.kind for cost in costs if not cost.known or cost.seconds <= 0} == set()
 

@@ -16,13 +16,14 @@ from bench.clock import schedule
 from bench.controller import ControllerConfig
 from bench.costs import fit_cost
 from bench.driver import cores, run
-from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, learning_from, recipes_of
+from bench.experiments import EXPERIMENTS, cells_of
 from bench.jobs import fit_job
 from bench.merge import merge
 from bench.parsing import settings
 from bench.presets import get_preset
-from bench.selection import best_size
+from bench.selection import best_size, chosen_sizes
 from bench.store import Store
+from bench.study_demos import demos_keys_of, learning_from
 from methods import registry
 from methods.kodex import Kodex
 from reports.results import Results
@@ -253,7 +254,7 @@ class TestInProcess:
         (place, value), *_ = settings([f"ngf.hidden={written}"]).items()
         study = replace(get_preset("smoke"), methods=("ngf",), settings={place: value})
         study = replace(study, episodes={"success": 1})
-        configs = [cell.fit.config for cell in cells_of(study, {"door": "recipe"})]
+        configs = [cell.fit.config for cell in cells_of(study, {"door": "key"})]
         assert [config["hidden"] for config in configs if config] == [[64, 32]]
 
     def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
@@ -378,14 +379,14 @@ class TestInProcess:
         assert bench("verify", str(out), "--jobs", "1", "--cells", "9")[0] == 0
         bench(*run[:-2])
         frame = Store(out).frame()
-        assert frame[frame.method == "kodex"].groupby("demos").recipe.nunique().to_dict() == {
+        assert frame[frame.method == "kodex"].groupby("demos").demos_key.nunique().to_dict() == {
             3: 1,
             6: 1,
         }
-        assert frame[frame.method == "kodex"].recipe.nunique() == 2
+        assert frame[frame.method == "kodex"].demos_key.nunique() == 2
         save_demos(load_demos(task)[:6], file)
         bench(*run)
-        others = set(Store(out).frame().recipe) - {demos_key(task)}
+        others = set(Store(out).frame().demos_key) - {demos_key(task)}
         assert len(others) == 2
         labels = {f"kodex:demos={key[:8]}" for key in others}
         assert set(load(out).method) == {"expert", "kodex", *labels}
@@ -619,7 +620,7 @@ class TestInProcess:
             return success, demos[:0] if physics == "heavy_hand" else demos
 
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
-        monkeypatch.setattr("bench.driver.record", record)
+        monkeypatch.setattr("bench.training_data.record", record)
         (failed,) = run(study, tmp_path, Workers(1, "sequential")).failed
         assert failed.startswith(
             "door-tuned-on-successes-heavy_hand: TrainingError: controller of door has no samples"
@@ -752,14 +753,14 @@ class TestInProcess:
 def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
     study = replace(get_preset("paper"), settings={place: value})
     with pytest.raises(InputError, match=f"is what {experiment} compares"):
-        cells_of(study, dict.fromkeys(study.tasks, "recipe"))
+        cells_of(study, dict.fromkeys(study.tasks, "key"))
     others = {name: 10 for name in study.episodes if name not in (experiment, "audit")}
-    assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "recipe"))
+    assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "key"))
 
 
 def test_controllers_that_learn_from_the_expert_are_its_own_whatever_methods_learn_from():
     study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
-    own, other = cells_of(study, recipes_of(study)), cells_of(study, {"door": "of a file"})
+    own, other = cells_of(study, demos_keys_of(study)), cells_of(study, {"door": "of a file"})
     assert len(own) == len(other)
     for mine, theirs in zip(own, other, strict=True):
         if mine.controller is not None:
@@ -780,7 +781,7 @@ def test_what_comes_of_a_file_of_demonstrations_hangs_on_the_simulator(monkeypat
 
 def test_a_whole_number_may_be_set_with_an_exponent():
     study = replace(get_preset("smoke"), methods=("nn",), settings=settings(["nn.epochs=1e3"]))
-    configs = [cell.fit.config for cell in cells_of(study, {"door": "recipe"})]
+    configs = [cell.fit.config for cell in cells_of(study, {"door": "key"})]
     assert {repr(config["epochs"]) for config in configs if config} == {"1000"}
 
 
@@ -790,24 +791,24 @@ def test_a_whole_number_may_be_set_with_an_exponent():
 def test_a_whole_number_is_the_same_setting_as_a_float(name, field):
     def keys(value):
         study = replace(get_preset("smoke"), methods=(name,), settings={(name, field): value})
-        return [cell.fit.key for cell in cells_of(study, {"door": "recipe"})]
+        return [cell.fit.key for cell in cells_of(study, {"door": "key"})]
 
     assert keys(1) == keys(1.0)
 
 
 def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
     study = replace(get_preset("paper"), settings={("ngf", "window"): 5})
-    recipes = dict.fromkeys(study.tasks, "recipe")
+    keys = dict.fromkeys(study.tasks, "key")
     with pytest.raises(InputError, match="unknown config field of ngf as published 'window'"):
-        cells_of(study, recipes)
-    assert cells_of(replace(study, variants=("described",)), recipes)
+        cells_of(study, keys)
+    assert cells_of(replace(study, variants=("described",)), keys)
     episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
-    assert cells_of(replace(study, episodes=episodes), recipes)
+    assert cells_of(replace(study, episodes=episodes), keys)
 
 
 def test_a_method_without_the_chosen_sizes_has_its_own():
     study = replace(get_preset("quick"), sizes=("large",))
-    cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
+    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
     sizes = {(cell.fit.method, cell.fit.size) for cell in cells}
     assert ("kodex", "single") in sizes
     assert {size for name, size in sizes if name not in ("kodex", "expert")} == {"large"}
@@ -817,7 +818,7 @@ def test_a_method_without_the_chosen_sizes_has_its_own():
 
 def test_experts_are_evaluated_once_for_all_methods():
     study = get_preset("paper")
-    cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
+    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
     places = [(cell.fit.key, cell.evaluation.name) for cell in cells]
     assert len(places) == len(set(places))
     experts = [cell for cell in cells if cell.fit.method == "expert"]
@@ -852,7 +853,7 @@ def test_a_tie_is_one_in_whatever_order_the_seeds_are_averaged():
 
 def test_robustness_pairs_each_variation_with_both_controllers():
     study = replace(get_preset("paper"), tasks=("tool",), episodes={"robustness": 200})
-    cells = cells_of(study, {"tool": "recipe"})
+    cells = cells_of(study, {"tool": "key"})
     for_kodex = [cell for cell in cells if cell.fit.method == "kodex"]
     assert len(for_kodex) == 1 + 4 * 2
     tuned = {cell.controller.key for cell in for_kodex if cell.evaluation.controller == "tuned"}
@@ -863,11 +864,13 @@ def test_robustness_pairs_each_variation_with_both_controllers():
 
 def test_the_paper_has_every_experiment_and_shares_cells():
     study = get_preset("paper")
-    recipes = dict.fromkeys(study.tasks, "recipe")
+    keys = dict.fromkeys(study.tasks, "key")
     assert list(study.episodes) == list(EXPERIMENTS)
-    apart = sum(len(EXPERIMENTS[name](study, recipes, {})) for name in study.episodes)
-    assert len(cells_of(study, recipes)) < apart
-    sets = {c.fit.variant for c in cells_of(study, recipes) if c.fit.method == "kodex"}
+    apart = sum(
+        len(EXPERIMENTS[name](replace(study, demos_keys=keys), {})) for name in study.episodes
+    )
+    assert len(cells_of(study, keys)) < apart
+    sets = {c.fit.variant for c in cells_of(study, keys) if c.fit.method == "kodex"}
     assert {"described", "set_1", "set_2", "set_4", "cutoff_tenfold"} <= sets
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from bench.controller import ControllerConfig
+from bench.controller_kinds import ORIGINAL
 from bench.remarks import remarks
 from bench.spec import Cell, ControllerSpec, Evaluation, Fit
 from bench.store import Store
@@ -15,7 +16,7 @@ from tasks.files import to_bytes
 FIT = Fit("door", "kodex", "described", "single", {"observables": 3, "cutoff": 1.0}, 10, 0, "r")
 OTHER = Fit("door", "kodex", "described", "single", {"observables": 2, "cutoff": 1.0}, 10, 0, "r")
 EVALUATION = Evaluation("door", "test", controller_key="c")
-CONTROLLER = ControllerSpec("door", ControllerConfig(), 10, "r")
+CONTROLLER = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "r")
 WEIGHTS = {"koopman": np.arange(6.0).reshape(2, 3)}
 
 

@@ -43,7 +43,7 @@ class MadeUp(Results):
         study = get_preset("paper")
         rng = generator("made up")
         rows = []
-        for cell in cells_of(study, dict.fromkeys(study.tasks, "recipe")):
+        for cell in cells_of(study, dict.fromkeys(study.tasks, "key")):
             counts = {
                 "episodes": cell.episodes,
                 "successes": int(cell.episodes * rate(cell.fit.label)),

@@ -45,7 +45,7 @@ def test_shipped_methods_are_ordered_by_rate_and_compared_start_by_start(task):
     study = study_of(
         "paper", experiments="success", methods="kodex", tasks="door", seeds=(1,), episodes=400
     )
-    (cell,) = cells_of(study, {"door": "recipe"})
+    (cell,) = cells_of(study, {"door": "key"})
     shipped = Shipped(cell)
     trial = Trial(cell, shipped.success(task="door", method="kodex", split="test")[0, :400])
     table = trial.beside(shipped)
