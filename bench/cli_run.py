@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.options import SOME_FAILED, AsJson, Jobs, number, results_folder
-from bench.studies import study_of
+from bench.options import SOME_FAILED, AsJson, Jobs, results_folder
+from bench.study_options import takes_study
 from tasks.errors import InputError
 from tasks.files import writable_folder
 
@@ -20,83 +20,11 @@ if TYPE_CHECKING:
     from bench.driver import Outcome
     from bench.presets import Study
 
-Preset = Annotated[
-    str, typer.Argument(help="Name of a preset: smoke, quick or paper. See `bench describe NAME`.")
-]
-Experiments = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated experiments, such as success,ood; `bench describe NAME` explains"
-        " one. Default: all in the preset."
-    ),
-]
-Tasks = Annotated[
-    str | None,
-    typer.Option(help="Comma-separated tasks, such as door,tool. Default: all in the preset."),
-]
-Methods = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated methods, such as kodex,nn,expert. Default: all in the preset, and the"
-        " expert."
-    ),
-]
-Sizes = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated model sizes to compare, such as small,large. Default: all in the"
-        " preset."
-    ),
-]
-Variants = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated variants of methods for the experiment audit, such as"
-        " described,published. Default: all."
-    ),
-]
-Seeds = Annotated[
-    str | None,
-    typer.Option(
-        help="Seeds of the methods' random numbers: how many (5 means 1 to 5), which (2,4; 7, for"
-        " seed 7 alone) or ranges (1-3,7). Default: those of the preset."
-    ),
-]
-Episodes = Annotated[
-    int | None,
-    number(1, "Episodes of each evaluation, such as 500 or 1e4. Default: those of the preset."),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        help="METHOD.FIELD=VALUE sets a field of a method's config, such as nn.epochs=50 or"
-        " ngf.hidden=64,32. Repeat the option for more.",
-    ),
-]
-DemosFiles = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--demos",
-        help="File of demonstrations to learn from, written by `bench demos record`, `from-arrays`"
-        " or `import`. Repeat the option for more tasks: each task of the run needs a file."
-        " Default: the expert's demonstrations.",
-    ),
-]
 
-
+@takes_study
 def run(
-    preset: Preset,
+    study: "Study",
     out: Annotated[Path, typer.Option(help="Results folder. Rerun the same command to resume.")],
-    experiments: Experiments = None,
-    tasks: Tasks = None,
-    methods: Methods = None,
-    sizes: Sizes = None,
-    variants: Variants = None,
-    seeds: Seeds = None,
-    episodes: Episodes = None,
-    demos: DemosFiles = None,
-    settings: Settings = None,
     jobs: Jobs = None,
     backend: Annotated[
         str, typer.Option(help="Where jobs run: loky (this machine), dask, or another of joblib's.")
@@ -116,18 +44,6 @@ def run(
     from bench.backend import Workers
     from bench.driver import count_jobs
 
-    study = study_of(
-        preset,
-        experiments=experiments,
-        tasks=tasks,
-        methods=methods,
-        sizes=sizes,
-        variants=variants,
-        seeds=seeds,
-        episodes=episodes,
-        demos=demos,
-        settings=settings,
-    )
     _warn_of_namesakes(study.methods)
     count = count_jobs(jobs)
     if not 0 < limit < inf:
@@ -180,20 +96,12 @@ def time(
     print(f"{timed} fits timed in {folder}")
 
 
+@takes_study
 def plan(
-    preset: Preset,
+    study: "Study",
     out: Annotated[
         Path, typer.Option(help="Results folder of the run; results in it are not counted again.")
     ],
-    experiments: Experiments = None,
-    tasks: Tasks = None,
-    methods: Methods = None,
-    sizes: Sizes = None,
-    variants: Variants = None,
-    seeds: Seeds = None,
-    episodes: Episodes = None,
-    demos: DemosFiles = None,
-    settings: Settings = None,
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
@@ -206,18 +114,6 @@ def plan(
     from bench.driver import count_jobs
     from bench.plan import make_plan
 
-    study = study_of(
-        preset,
-        experiments=experiments,
-        tasks=tasks,
-        methods=methods,
-        sizes=sizes,
-        variants=variants,
-        seeds=seeds,
-        episodes=episodes,
-        demos=demos,
-        settings=settings,
-    )
     writable_folder(out)
     count = count_jobs(jobs)
     with doing("listing what is missing"):

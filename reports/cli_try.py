@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bench import parsing
-from bench.cli_run import Settings, run_study
+from bench.cli_run import run_study
 from bench.options import SOME_FAILED, AsJson, number
 from bench.studies import study_of
+from bench.study_options import Settings
 from tasks.registry import TASKS
 
 if TYPE_CHECKING:
