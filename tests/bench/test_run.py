@@ -16,14 +16,13 @@ from bench.clock import schedule
 from bench.controller import ControllerConfig
 from bench.costs import fit_cost
 from bench.driver import cores, run
-from bench.experiments import EXPERIMENTS, cells_of
+from bench.experiments import cells_of
 from bench.jobs import fit_job
 from bench.merge import merge
 from bench.parsing import settings
 from bench.presets import get_preset
-from bench.selection import best_size, chosen_sizes
 from bench.store import Store
-from bench.study_demos import demos_keys_of, learning_from
+from bench.study_demos import learning_from
 from methods import registry
 from methods.kodex import Kodex
 from reports.results import Results
@@ -740,138 +739,6 @@ class TestInProcess:
         assert (code, said) == (2, "")
         assert answer in error
         assert not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("place", "value", "experiment"),
-    [
-        (("kodex", "observables"), 2, "lifting"),
-        (("lstm", "teacher_forced"), True, "audit"),
-        (("ndp", "hidden"), [8], "sizes"),
-    ],
-)
-def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
-    study = replace(get_preset("paper"), settings={place: value})
-    with pytest.raises(InputError, match=f"is what {experiment} compares"):
-        cells_of(study, dict.fromkeys(study.tasks, "key"))
-    others = {name: 10 for name in study.episodes if name not in (experiment, "audit")}
-    assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "key"))
-
-
-def test_controllers_that_learn_from_the_expert_are_its_own_whatever_methods_learn_from():
-    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
-    own, other = cells_of(study, demos_keys_of(study)), cells_of(study, {"door": "of a file"})
-    assert len(own) == len(other)
-    for mine, theirs in zip(own, other, strict=True):
-        if mine.controller is not None:
-            alike = not mine.controller.name.startswith("original")
-            assert (mine.controller == theirs.controller) == alike
-
-
-def test_what_comes_of_a_file_of_demonstrations_hangs_on_the_simulator(monkeypatch):
-    study = replace(get_preset("smoke"), methods=("kodex",))
-    cells = cells_of(study, {"door": "of a file"})
-    before = [(cell.fit.key, cell.evaluation.key(cell.fit)) for cell in cells]
-    monkeypatch.setattr("mujoco.__version__", "9.9")
-    for cell, (fit, evaluation) in zip(cells, before, strict=True):
-        if cell.fit.method == "kodex":
-            assert cell.fit.key == fit
-            assert cell.evaluation.key(cell.fit) != evaluation
-
-
-def test_a_whole_number_may_be_set_with_an_exponent():
-    study = replace(get_preset("smoke"), methods=("nn",), settings=settings(["nn.epochs=1e3"]))
-    configs = [cell.fit.config for cell in cells_of(study, {"door": "key"})]
-    assert {repr(config["epochs"]) for config in configs if config} == {"1000"}
-
-
-@pytest.mark.parametrize(
-    ("name", "field"), [("kodex", "cutoff"), ("ndp", "goal_gain"), ("ndp", "weight_gain")]
-)
-def test_a_whole_number_is_the_same_setting_as_a_float(name, field):
-    def keys(value):
-        study = replace(get_preset("smoke"), methods=(name,), settings={(name, field): value})
-        return [cell.fit.key for cell in cells_of(study, {"door": "key"})]
-
-    assert keys(1) == keys(1.0)
-
-
-def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
-    study = replace(get_preset("paper"), settings={("ngf", "window"): 5})
-    keys = dict.fromkeys(study.tasks, "key")
-    with pytest.raises(InputError, match="unknown config field of ngf as published 'window'"):
-        cells_of(study, keys)
-    assert cells_of(replace(study, variants=("described",)), keys)
-    episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
-    assert cells_of(replace(study, episodes=episodes), keys)
-
-
-def test_a_method_without_the_chosen_sizes_has_its_own():
-    study = replace(get_preset("quick"), sizes=("large",))
-    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
-    sizes = {(cell.fit.method, cell.fit.size) for cell in cells}
-    assert ("kodex", "single") in sizes
-    assert {size for name, size in sizes if name not in ("kodex", "expert")} == {"large"}
-    with pytest.raises(InputError, match="has the size 'single'; methods that have it: kodex"):
-        cells_of(replace(study, methods=("nn",), sizes=("single",)), {})
-
-
-def test_experts_are_evaluated_once_for_all_methods():
-    study = get_preset("paper")
-    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
-    places = [(cell.fit.key, cell.evaluation.name) for cell in cells]
-    assert len(places) == len(set(places))
-    experts = [cell for cell in cells if cell.fit.method == "expert"]
-    assert len({cell.fit.key for cell in experts}) == len(study.tasks)
-
-
-def test_unknown_experiments_are_refused():
-    with pytest.raises(InputError, match="did you mean 'success'"):
-        cells_of(replace(get_preset("smoke"), episodes={"sucess": 1}), {"door": ""})
-
-
-def test_the_size_that_does_best_on_validation_is_chosen_and_ties_go_to_the_smaller():
-    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex", "nn", "lstm"))
-    rows = [("nn", "small", 1, 10), ("nn", "small", 2, 20), ("nn", "median", 1, 25)]
-    rows += [("nn", "median", 2, 5), ("nn", "large", 1, 14), ("lstm", "large", 1, 3)]
-    frame = pd.DataFrame(rows, columns=["method", "size", "seed", "successes"]).assign(
-        task="door", split="validation", variant="described", demos=200, episodes=50
-    )
-    other = frame.assign(split="test", successes=50)
-    chosen = chosen_sizes(study, pd.concat([other, frame]))
-    assert chosen == {("door", "nn"): "small", ("door", "lstm"): "large"}
-
-
-def test_a_tie_is_one_in_whatever_order_the_seeds_are_averaged():
-    rows = [("small", n) for n in (42, 41, 38, 43, 39)]
-    rows += [("median", n) for n in (42, 42, 39, 40, 40)]
-    frame = pd.DataFrame(rows, columns=["size", "successes"]).assign(episodes=50)
-    rates = (frame.successes / frame.episodes).groupby(frame["size"]).mean()
-    assert rates["small"] < rates["median"]
-    assert best_size(frame, ["small", "median"]) == "small"
-
-
-def test_robustness_pairs_each_variation_with_both_controllers():
-    study = replace(get_preset("paper"), tasks=("tool",), episodes={"robustness": 200})
-    cells = cells_of(study, {"tool": "key"})
-    for_kodex = [cell for cell in cells if cell.fit.method == "kodex"]
-    assert len(for_kodex) == 1 + 4 * 2
-    tuned = {cell.controller.key for cell in for_kodex if cell.evaluation.controller == "tuned"}
-    assert len(tuned) == 4
-    assert sum(cell.fit.method == "expert" for cell in cells) == 5
-    assert {cell.evaluation.split for cell in cells} == {"test"}
-
-
-def test_the_paper_has_every_experiment_and_shares_cells():
-    study = get_preset("paper")
-    keys = dict.fromkeys(study.tasks, "key")
-    assert list(study.episodes) == list(EXPERIMENTS)
-    apart = sum(
-        len(EXPERIMENTS[name](replace(study, demos_keys=keys), {})) for name in study.episodes
-    )
-    assert len(cells_of(study, keys)) < apart
-    sets = {c.fit.variant for c in cells_of(study, keys) if c.fit.method == "kodex"}
-    assert {"described", "set_1", "set_2", "set_4", "cutoff_tenfold"} <= sets
 
 
 class Failing(Kodex):
