@@ -9,7 +9,7 @@ from tasks.errors import InputError
 
 
 def fits_type(value: Any, hint: Any) -> bool:
-    """Whether a value is of the type that a field declares."""
+    """Whether a value has the type that a field declares."""
     if get_origin(hint) in (Union, UnionType):
         return any(fits_type(value, option) for option in get_args(hint))
     if get_origin(hint) is tuple:
@@ -26,7 +26,7 @@ def fits_type(value: Any, hint: Any) -> bool:
 
 
 def typed(value: Any, hint: Any) -> Any:
-    """Returns a value in the type that a field declares, or as it is if it cannot be.
+    """Returns a value, converted to the type that a field declares where that is possible.
 
     A tuple may be written as ``64,32``, ``(64, 32)`` or ``[64, 32]``; 1 becomes 1.0 in a field of
     floats, and 1e3 becomes 1000 in a field of integers.
