@@ -217,7 +217,7 @@ def chosen_sizes(study: Study, frame: pd.DataFrame) -> dict[tuple[str, str], str
 
     Args:
         study: whose tasks and methods are asked about.
-        frame: stored evaluations, as `bench.store.Store.frame` gives them.
+        frame: stored evaluations, as `bench.source.Source.frame` gives them.
     """
     if frame.empty:
         return {}
