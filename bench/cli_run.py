@@ -63,7 +63,7 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     from bench.doing import doing
     from bench.driver import run as run_driver
     from bench.remarks import remarks
-    from bench.store import Store
+    from bench.results import Results
 
     try:
         with doing("looking for what is missing"):
@@ -77,7 +77,7 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     except KeyboardInterrupt:
         print("stopped; rerun the same command to resume", file=sys.stderr)
         raise
-    for remark in remarks(Store(out)):
+    for remark in remarks(Results(out)):
         print(f"note: {remark}", file=sys.stderr)
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)

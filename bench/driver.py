@@ -27,13 +27,16 @@ from bench.experiments import cells_of, first_wave
 from bench.isolation import Failure
 from bench.jobs import Fitted, Piece, controller_job, evaluation_job, fit_job
 from bench.machine import cached_factor
+from bench.names import folder_name
+from bench.other_controllers import check_controllers
 from bench.pending import pending
 from bench.presets import Study
 from bench.progress import Progress
+from bench.results import Results
+from bench.results_writer import ResultsWriter, writing
 from bench.run_state import StateFile
 from bench.selection import chosen_sizes
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
-from bench.store import Store, folder_name
 from bench.study_demos import demos_keys_of
 from bench.trained import keep, trained
 from bench.training_data import (
@@ -80,7 +83,8 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 
     Raises:
         InputError: the study asks for what does not exist, there is no such backend, another run
-            writes to the folder, or it holds results of another controller, see `Store.check`.
+            writes to the folder, or it holds results of another controller, see
+            `check_controllers`.
         KeyboardInterrupt: Ctrl-C; what had ended is stored.
     """
     where.check()
@@ -94,7 +98,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         if not study.methods and not study.expert:
             return runner.outcome([])
         expected = cells_of(study, demos_keys) if largest is None else largest
-        runner.store.check(expected)
+        check_controllers(runner.results, expected)
         compared = first_wave(study, demos_keys)
         runner.expect(compared, expected)
         runner.compute(compared, study.note, SIZES)
@@ -119,16 +123,15 @@ def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
 
 @contextmanager
 def _running(folder: Path, where: Workers, title: str, reuse: bool = True) -> "Iterator[_Runner]":
-    store = Store(folder)
     clock = Clock(where.jobs, time.monotonic(), cached_factor() or 1.0)
     with (
-        store.locked(),
+        writing(folder) as writer,
         workers(where),
-        Progress(title, clock, StateFile(store), time.monotonic) as progress,
+        Progress(title, clock, StateFile(writer), time.monotonic) as progress,
         Interrupts() as interrupts,
         introduced() as introduce,
     ):
-        yield _Runner(store, where, progress, interrupts, introduce, reuse)
+        yield _Runner(writer, where, progress, interrupts, introduce, reuse)
 
 
 def count_jobs(jobs: int | None = None) -> int:
@@ -164,14 +167,15 @@ class _Runner:
 
     def __init__(
         self,
-        store: Store,
+        writer: ResultsWriter,
         where: Workers,
         progress: Progress,
         interrupts: Interrupts,
         introduce: Callable[[type[Method]], None],
         reuse: bool,
     ) -> None:
-        self.store, self.where, self.introduce, self.reuse = store, where, introduce, reuse
+        self.writer, self.results = writer, writer.results
+        self.where, self.introduce, self.reuse = where, introduce, reuse
         self.progress, self.interrupts = progress, interrupts
         self.done = 0
         self.failed: dict[str, str] = {}
@@ -183,7 +187,7 @@ class _Runner:
         for name, failure in failures.items():
             self._fail(name, failure)
         for name in set(names) - set(failures):
-            self.store.clear_failure(name)
+            self.writer.clear_failure(name)
         return replace(study, methods=tuple(n for n in study.methods if n not in failures))
 
     def meet(self, names: Sequence[str], calls: Sequence[Callable[[], Call]]) -> dict[str, Failure]:
@@ -203,8 +207,8 @@ class _Runner:
             self._take_trained(cells)
         threads = simulator_threads(self.where.jobs)
         if first:
-            self.progress.expect(SIZES, pending(self.store, first).costs(threads))
-        rest = pending(self.store, cells, first).costs(threads)
+            self.progress.expect(SIZES, pending(self.results, first).costs(threads))
+        rest = pending(self.results, cells, first).costs(threads)
         self.progress.expect(REST if first else "", rest)
 
     def compute(self, cells: Sequence[Cell], note: str, wave: str) -> None:
@@ -212,32 +216,32 @@ class _Runner:
         self.wave = wave
         if cells:
             possible = [replace(cell, episodes=wanted_episodes(cell)) for cell in cells]
-            self.store.ask_for(possible, note)
+            self.writer.ask_for([cell.wanted for cell in possible], note)
             self._controllers(cells)
             self._fits(cells)
             self._evaluations(cells)
 
     def stored(self, cells: Sequence[Cell]) -> pd.DataFrame:
-        """Returns the evaluations of the cells' fits, see `Store.frame`."""
-        frame = self.store.frame()
+        """Returns the evaluations of the cells' fits, see `Source.frame`."""
+        frame = self.results.frame()
         fits = {folder_name(cell.fit.label, cell.fit.key) for cell in cells}
         return frame[frame.folder.isin(fits)]
 
     def outcome(self, cells: Sequence[Cell]) -> Outcome:
         """Returns what was done for the cells."""
         failed = tuple(f"{label}: {reason}" for label, reason in self.failed.items())
-        return Outcome(self.store.folder, self.done, len(cells), failed)
+        return Outcome(self.results.folder, self.done, len(cells), failed)
 
     def _take_trained(self, cells: Iterable[Cell]) -> None:
         """Copies the controllers that need no training into the results folder."""
         for spec in {cell.controller for cell in cells if cell.controller}:
-            found = None if self.store.has_controller(spec) else trained(spec)
+            found = None if self.results.has_controller(spec) else trained(spec)
             if found:
-                self.store.add_controller(spec, found.weights, found.facts)
+                self.writer.add_controller(spec, found.weights, found.facts)
 
     def _controllers(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.controller.key: cell.controller for cell in cells if cell.controller}
-        missing = [spec for spec in wanted.values() if not self.store.has_controller(spec)]
+        missing = [spec for spec in wanted.values() if not self.results.has_controller(spec)]
         self._dispatch(
             "controllers",
             controller_job,
@@ -248,22 +252,22 @@ class _Runner:
 
     def _add_controller(self, spec: ControllerSpec, made: Fitted) -> None:
         facts = _facts(made.seconds)
-        self.store.add_controller(spec, made.parameters, facts)
+        self.writer.add_controller(spec, made.parameters, facts)
         if self.reuse:
             keep(spec, made.parameters, facts)
 
     def _fits(self, cells: Iterable[Cell]) -> None:
         wanted = {cell.fit.key: cell.fit for cell in cells}
-        missing = [fit for fit in wanted.values() if not self.store.has_fit(fit)]
+        missing = [fit for fit in wanted.values() if not self.results.has_fit(fit)]
         for fit in missing:
             if fit.method == EXPERT:
-                self.store.add_fit(fit, b"", b"", _facts(0.0))
+                self.writer.add_fit(fit, b"", b"", _facts(0.0))
         self._dispatch(
             "fits",
             fit_job,
             seed_blocks(fit for fit in missing if fit.method != EXPERT),
             lambda fits: (fits, training_demos(fits[0]), validation_demos(fits[0])),
-            lambda fit, made: self.store.add_fit(
+            lambda fit, made: self.writer.add_fit(
                 fit, made.parameters, made.diagnostics, _facts(made.seconds)
             ),
         )
@@ -275,8 +279,8 @@ class _Runner:
             "evaluations",
             evaluation_job,
             [[piece] for piece in missing],
-            lambda pieces: (pieces[0], *learnt(self.store, pieces[0].cell), threads),
-            lambda piece, result: self.store.add_episodes(
+            lambda pieces: (pieces[0], *learnt(self.results, pieces[0].cell), threads),
+            lambda piece, result: self.writer.add_episodes(
                 piece.cell.fit, piece.cell.evaluation, result, piece.keep
             ),
         )
@@ -286,11 +290,9 @@ class _Runner:
 
         Nothing where the fit or the controller is not there: its failure has been noted.
         """
-        starts = starts_of(cell)
-        stored = self.store.episodes(cell.fit, cell.evaluation)
-        found = 0 if stored is None else len(stored)
-        tracked = cell.controller is None or self.store.has_controller(cell.controller)
-        if found >= len(starts) or not tracked or not self.store.has_fit(cell.fit):
+        starts, found = starts_of(cell), self.results.stored_episodes(cell.wanted)
+        tracked = cell.controller is None or self.results.has_controller(cell.controller)
+        if found >= len(starts) or not tracked or not self.results.has_fit(cell.fit):
             return None
         keep = found // CHUNK * CHUNK
         return Piece(cell, starts[keep:], keep)
@@ -325,7 +327,7 @@ class _Runner:
             if not failed:
                 for one, result in zip(group, answer.result, strict=True):
                     commit(one, result)
-                    self.store.clear_failure(one.label)
+                    self.writer.clear_failure(one.label)
                     self.done += 1
             elif len(group) == 1:
                 self._fail(group[0].label, answer.result)
@@ -349,16 +351,16 @@ class _Runner:
         return label, job, arguments(group)
 
     def _fail(self, label: str, failure: Failure) -> None:
-        self.store.add_failure(label, failure.reason, failure.traceback, failure.tries)
+        self.writer.add_failure(label, failure.reason, failure.traceback, failure.tries)
         self.failed[label] = failure.reason
 
 
-def learnt(store: Store, cell: Cell) -> tuple[bytes, bytes]:
+def learnt(results: Results, cell: Cell) -> tuple[bytes, bytes]:
     """Returns what is stored of a cell's method and of its controller; nothing of an expert."""
     if cell.fit.method == EXPERT:
         return b"", b""
-    controller = store.controller_weights(cell.controller) if cell.controller else b""
-    return store.parameters(cell.fit), controller
+    controller = results.controller_weights(cell.controller) if cell.controller else b""
+    return results.parameters(cell.fit), controller
 
 
 def _label(group: Sequence[Any]) -> str:

@@ -40,7 +40,7 @@ def _value(value: object) -> str:
 
 
 def labelled(frame: pd.DataFrame) -> pd.DataFrame:
-    """Returns rows of `bench.store.Store.frame` with labels of their own for a method's fits.
+    """Returns rows of `bench.source.Source.frame` with labels of their own for a method's fits.
 
     A method's name is followed by what `--set` has changed where its rows differ in that, and by
     the key of its demonstrations where those of a task differ in that and are not the expert's.

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from bench.options import results_folder
 from bench.packed import is_packed, open_results, shipped
-from bench.store import Store, episodes_table
+from bench.results import Results
+from bench.source import episodes_table
 from bench.views import view
 from tasks.errors import InputError
 
@@ -42,7 +43,7 @@ class Opened:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each evaluation, see `bench.store.Store.frame`."""
+        """One row for each evaluation, see `bench.source.Source.frame`."""
         return self._source.frame()
 
     @cached_property
@@ -76,7 +77,7 @@ class Opened:
                 f"{self.folder} holds packed results, without fits: open a results folder of"
                 " `bench run`"
             )
-        return Methods(Store(self.folder), self.frame, task, seed, size)
+        return Methods(Results(self.folder), self.frame, task, seed, size)
 
     def failures(
         self, task: str, method: str, split: str = "test", seed: int | None = None

@@ -1,11 +1,11 @@
-"""What a results folder still lacks of some cells, by a glance at it that reads no data."""
+"""What a results folder still lacks of some cells, once what it holds has been checked."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
+from bench.results import Results
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
-from bench.store import Store
 from bench.training_data import wanted_episodes
 
 
@@ -34,7 +34,7 @@ class Pending:
         }
 
 
-def pending(store: Store, cells: Sequence[Cell], earlier: Sequence[Cell] = ()) -> Pending:
+def pending(results: Results, cells: Sequence[Cell], earlier: Sequence[Cell] = ()) -> Pending:
     """Returns what is missing of cells once the earlier ones are there."""
     known = {cell.fit.key for cell in earlier}
     tracked = {cell.controller.key for cell in earlier if cell.controller}
@@ -44,16 +44,16 @@ def pending(store: Store, cells: Sequence[Cell], earlier: Sequence[Cell] = ()) -
     counts = [
         (cell, wanted_episodes(cell) - max(stored, evaluated.get(_place(cell), 0)))
         for cell in cells
-        for stored in [store.glimpse_episodes(cell.fit, cell.evaluation)]
+        for stored in [results.stored_episodes(cell.wanted)]
     ]
     return Pending(
         [
             spec
             for spec in controllers.values()
-            if spec.key not in tracked and not store.glimpse_controller(spec)
+            if spec.key not in tracked and not results.has_controller(spec)
         ],
         seed_blocks(
-            fit for fit in fits.values() if fit.key not in known and not store.glimpse_fit(fit)
+            fit for fit in fits.values() if fit.key not in known and not results.has_fit(fit)
         ),
         [(cell, count) for cell, count in counts if count > 0],
     )

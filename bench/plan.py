@@ -26,8 +26,8 @@ from bench.isolation import apart
 from bench.machine import machine_factor, random_demos, warm_up
 from bench.pending import pending
 from bench.presets import Study
+from bench.results import Results
 from bench.spec import Fit
-from bench.store import Store
 from bench.study_demos import demos_keys_of
 from bench.trained import trained
 from methods.base import Method, shortened
@@ -84,7 +84,7 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
 
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
     cells = cells_of(study, demos_keys_of(study))
-    missing = pending(Store(folder), cells)
+    missing = pending(Results(folder), cells)
     missing = replace(missing, controllers=[c for c in missing.controllers if not trained(c)])
     say("measuring how fast this machine is")
     factor = machine_factor()

@@ -36,7 +36,7 @@ def chosen_sizes(study: Study, frame: "pd.DataFrame") -> dict[tuple[str, str], s
 
     Args:
         study: its tasks and methods are looked at.
-        frame: stored evaluations, with the columns `bench.store.COLUMNS`.
+        frame: stored evaluations, with the columns `bench.source.COLUMNS`.
     """
     if frame.empty:
         return {}

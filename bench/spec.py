@@ -16,7 +16,8 @@ from bench.controller_kinds import KINDS, ORIGINAL, controller_name
 from bench.labels import DEMOS_DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
-from bench.store import evaluation_name
+from bench.manifest import Name, Wanted
+from bench.names import evaluation_name
 from methods.base import Method, fits_together
 from methods.contract import build
 from methods.registry import get_method
@@ -188,3 +189,14 @@ class Cell:
     evaluation: Evaluation
     episodes: int
     controller: ControllerSpec | None = None
+
+    @cached_property
+    def wanted(self) -> Wanted:
+        """The cell as results folders know it."""
+        fit, controller = self.fit, self.controller
+        return Wanted(
+            Name(fit.label, fit.key),
+            Name(self.evaluation.name, self.evaluation.key(fit)),
+            self.episodes,
+            Name(controller.label, controller.key) if controller else None,
+        )

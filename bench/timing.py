@@ -11,8 +11,8 @@ from bench.backend import Call, Interrupts, answers, workers
 from bench.doing import say
 from bench.isolation import Failure
 from bench.jobs import fit_job
+from bench.results_writer import writing
 from bench.spec import EXPERT, VALIDATION, Fit
-from bench.store import Store
 from bench.training_data import training_demos, validation_demos
 from bench.verify import stored_fit
 from methods.kodex import LIFTING_VARIANTS
@@ -38,9 +38,9 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
     """
     from bench.backend import Workers
 
-    store, where = Store(folder), Workers(1)
-    with store.locked():
-        frame = store.frame()
+    where = Workers(1)
+    with writing(folder) as writer:
+        frame = writer.results.frame()
         shown = frame[
             (frame.split != VALIDATION)
             & (frame.method != EXPERT)
@@ -57,7 +57,7 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
                 if isinstance(answer.result, Failure):
                     report(f"{label} cannot be timed: {answer.result.reason}")
                 else:
-                    store.add_times(missing[index], answer.result)
+                    writer.add_times(missing[index]["folder"], answer.result)
                     report(f"{label}: {median(answer.result):.3g} s")
                     timed += 1
             interrupts.check()

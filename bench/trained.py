@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bench.names import folder_name
 from bench.spec import ControllerSpec
-from bench.store import folder_name
 from tasks.demos import cache_folder, writable_cache
 from tasks.errors import InputError
 from tasks.files import whole_file

@@ -59,7 +59,7 @@ def report(
     ] = False,
 ) -> None:
     """Write tables, figures and a web page (index.html) of results. Exit code 3 if one fails."""
-    from bench.store import episodes_table
+    from bench.source import episodes_table
     from reports.page import SUCCESS
     from reports.results import Results
     from reports.write import write_report
@@ -98,7 +98,7 @@ def pack(
     out: Annotated[Path, typer.Option(help="Folder of the packed results; made if needed.")],
 ) -> None:
     """Pack results into a few small files to share: what reports need, without weights."""
-    from reports.reference import pack as pack_results
+    from bench.packed import pack as pack_results
 
     for folder in folders:
         results_folder(folder, packed=True)

@@ -143,10 +143,11 @@ def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> s
 
 def _next_commands(trial: "Trial", out: Path) -> str:
     from bench.labels import labelled
-    from bench.store import Store, folder_name
+    from bench.names import folder_name
+    from bench.results import Results
 
     fit, failed, folder = trial.cell.fit, trial.failures, shlex.quote(str(out))
-    rows = labelled(Store(out).frame())
+    rows = labelled(Results(out).frame())
     name = rows[rows.folder == folder_name(fit.label, fit.key)].method.iloc[0]
     start = (failed or [0])[0]
     film = f"bench video {fit.task} --results {folder} --start {start} --methods {name}"

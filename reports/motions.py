@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bench.labels import EXPERT
-from bench.store import Store
+from bench.results import Results as StoredResults
 from reports.exhibit import Exhibit, in_order
 from reports.failing import evaluations
 from reports.results import Results
@@ -53,7 +53,7 @@ def motions(
             without fits; or see `bench.replay.replay`.
     """
     results = Results(folder)
-    if not isinstance(results.source, Store):
+    if not isinstance(results.source, StoredResults):
         raise InputError(f"{folder} holds packed results, without the fits that motions need")
     row = evaluations(results, task, method, "test", seed)[0]
     return _motions(results, row, start, _demonstrated(row, start))
@@ -157,7 +157,7 @@ def table(results: Results) -> pd.DataFrame:
     ``prediction error`` |predicted - demonstrated| and ``tracking error`` |tracked - predicted|.
     """
     parts = []
-    if isinstance(results.source, Store):
+    if isinstance(results.source, StoredResults):
         found = results.main(split="test")
         found = found[found.method != EXPERT].sort_values("seed", kind="stable")
         for _, of_task in found.groupby("task", sort=False):

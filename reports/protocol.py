@@ -18,7 +18,7 @@ import pandas as pd
 
 from bench.controller_kinds import ORIGINAL
 from bench.labels import EXPERT, plain
-from bench.store import CONDITIONS
+from bench.names import CONDITIONS
 from reports.alike import FEWEST, common_seeds
 from reports.remarks import Remark
 from reports.style import TASKS, display, ordered
@@ -32,7 +32,7 @@ MARK = "*"
 SHIPPED = "shipped"
 
 Specs = Callable[[str], Mapping[str, Any]]
-"""Returns the fields of the controller with a key, see `bench.store.Store.controller_spec`."""
+"""Returns the fields of the controller with a key, see `bench.source.Source.controller_spec`."""
 Setting = tuple[str, str, str, str]
 """Task, method, name of a setting, and its value."""
 
@@ -44,7 +44,7 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     a controller or epochs, do not differ.
 
     Args:
-        rows: as `bench.store.Store.frame` gives them.
+        rows: as `bench.source.Source.frame` gives them.
         specs: of their controllers.
 
     Returns:

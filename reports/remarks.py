@@ -33,7 +33,7 @@ def remarks_on_the_expert(frame: pd.DataFrame) -> list[Remark]:
     """Returns what to say where methods learnt from other demonstrations than the suite's expert's.
 
     Args:
-        frame: as `bench.store.Store.frame` gives it.
+        frame: as `bench.source.Source.frame` gives it.
     """
     recipes = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").demos_key
     methods = frame[(frame.method != EXPERT) & frame.task.isin(recipes.index)]

@@ -11,9 +11,10 @@ import pandas as pd
 from bench.checking import known
 from bench.experiments import cells_of
 from bench.intervals import wilson
+from bench.names import KEY_DIGITS
 from bench.presets import Study
+from bench.results import Results as StoredResults
 from bench.spec import EXPERT, Cell
-from bench.store import KEY_DIGITS, Store
 from bench.study_demos import demos_keys_of
 from methods.registry import SUITE, introduced
 from reports.results import Results
@@ -118,7 +119,7 @@ def trial_of(study: Study, folder: Path) -> Trial:
         if name not in SUITE:
             introduce(known(name))
         (cell,) = cells_of(study, demos_keys_of(study))
-        stored = Store(folder).episodes(cell.fit, cell.evaluation)
+        stored = StoredResults(folder).episodes(cell.wanted)
     assert stored is not None
     episodes = stored.iloc[: cell.episodes]
     return Trial(cell, episodes.success.to_numpy(bool), int(episodes.diverged.sum()))

@@ -12,7 +12,7 @@ import typer
 from bench.cli import app
 from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import PRESETS
-from bench.store import Store
+from bench.results_writer import ResultsWriter
 from bench.study_demos import demos_keys_of
 from reports.write import MODULES, Report
 from tasks.masses import VARIATIONS, physics_names
@@ -261,14 +261,14 @@ def test_the_version_is_that_of_the_package(bench):
     ],
 )
 def test_what_has_no_evaluation_yet_is_refused(bench, tmp_path, command, options, answer):
-    Store(tmp_path).ask_for([])
+    ResultsWriter(tmp_path).ask_for([])
     code, said, error = bench(command, str(tmp_path), *options)
     assert (code, said) == (2, "")
     assert answer in error
 
 
 def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
-    Store(tmp_path).ask_for([])
+    ResultsWriter(tmp_path).ask_for([])
     code, said, _ = bench("time", str(tmp_path))
     assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")
 
@@ -302,7 +302,7 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     out = {"file": tmp_path / "file", "below a file": tmp_path / "file" / "out"}.get(where, where)
     results = tmp_path / "results"
     results.mkdir()
-    Store(results).ask_for([])
+    ResultsWriter(results).ask_for([])
     before = sorted(tmp_path.rglob("*"))
     words = [w.replace("OUT", str(out)).replace("RESULTS", str(results)) for w in command]
     code, said, error = bench(*words)

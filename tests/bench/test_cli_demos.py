@@ -9,7 +9,7 @@ import pytest
 
 import bench as suite
 from bench.isolation import Failure
-from bench.store import Store
+from bench.results import Results
 from bench.studies import study_of
 from tasks.arrays import Replay
 from tasks.demos import load_demos, record, save_demos
@@ -113,7 +113,7 @@ def test_a_study_learns_from_what_was_recorded(task, policy, smoke, here, bench,
     run = ("run", "smoke", "--jobs", "1", "--episodes", "2", "--out", "results")
     code, _, error = bench(*run, "--demos", "mine.safetensors")
     assert code == 0, error
-    assert "not the demonstrator" in Store(tmp_path / "here" / "results").notes()[0]
+    assert "not the demonstrator" in Results(tmp_path / "here" / "results").notes()[0]
 
 
 @pytest.mark.parametrize(

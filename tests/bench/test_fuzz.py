@@ -9,13 +9,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from bench.store import Store, _digest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bench.experiments import cells_of
 from bench.presets import PRESETS
 from bench.spec import Cell, Evaluation, Fit
-from bench.store import Store, _digest
 from bench.studies import Options, study_of
 from methods.base import shortened
 from methods.registry import get_method, method_names

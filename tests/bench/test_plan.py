@@ -13,8 +13,8 @@ from bench.experiments import cells_of
 from bench.jobs import fit_job
 from bench.pending import pending
 from bench.presets import get_preset
+from bench.results import Results
 from bench.spec import Fit
-from bench.store import Store
 from bench.study_demos import demos_keys_of
 from methods import registry
 from methods.base import MotionMethod
@@ -159,7 +159,7 @@ def test_a_method_that_needs_three_demonstrations_is_priced(brought, capsys):
 
 def test_the_table_of_costs_has_all_that_paper_does(tmp_path):
     study = get_preset("paper")
-    missing = pending(Store(tmp_path), cells_of(study, demos_keys_of(study)))
+    missing = pending(Results(tmp_path), cells_of(study, demos_keys_of(study)))
     costs = [cost for phase in missing.costs().values() for cost in phase]
     assert {cost.kind for cost in costs if not cost.known or cost.seconds <= 0} == set()
 

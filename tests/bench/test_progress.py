@@ -14,21 +14,21 @@ from bench.clock import Clock
 from bench.costs import Cost
 from bench.doing import doing, hush, say
 from bench.progress import EVERY, Progress
+from bench.results_writer import writing
 from bench.run_state import NAME, StateFile, read_state
-from bench.store import Store
+from bench.sealed_files import read_record, seal_record
 
 
 @pytest.fixture
-def store(tmp_path):
-    found = Store(tmp_path)
-    with found.locked():
-        found.cells.mkdir()
+def writer(tmp_path):
+    with writing(tmp_path) as found:
+        found.ask_for([])
         yield found
 
 
-def progress(store, now):
+def progress(writer, now):
     """A run of two controllers, four hundred fits and as many evaluations, by a made-up time."""
-    made = Progress("results/study", Clock(1, 0.0), StateFile(store), now)
+    made = Progress("results/study", Clock(1, 0.0), StateFile(writer), now)
     counts = {"controllers": 2, "fits": 400, "evaluations": 400}
     made.expect("", {name: costs(count) for name, count in counts.items()})
     return made
@@ -56,9 +56,9 @@ def no_ticks(monkeypatch):
     monkeypatch.setattr("bench.progress.threading.Thread", Never)
 
 
-def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(store, no_ticks, capsys):
+def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(writer, no_ticks, capsys):
     seconds = [0.0]
-    with progress(store, lambda: seconds[0]) as shown:
+    with progress(writer, lambda: seconds[0]) as shown:
         for name, count in (("controllers", 2), ("fits", 400), ("evaluations", 400)):
             shown.begin("", name, costs(count))
             for index in range(count):
@@ -78,11 +78,11 @@ def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(store, no_t
     assert "now: job-" in lines[-2]
 
 
-def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(store, no_ticks, bench):
+def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(writer, no_ticks, bench):
     def status(*options):
-        return bench("status", str(store.folder), *options)[1]
+        return bench("status", str(writer.folder), *options)[1]
 
-    with pytest.raises(KeyboardInterrupt), progress(store, lambda: 0.0) as shown:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt), progress(writer, lambda: 0.0) as shown:  # noqa: PT012
         shown.begin("", "controllers", costs(2))
         shown.start(0, "door-original-nominal")
         shown._keep()
@@ -104,12 +104,12 @@ def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(store, no_
     assert not json.loads(status("--json"))["run"]["running"]
 
 
-def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(store, no_ticks):
-    with progress(store, lambda: 0.0) as shown:
+def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(writer, no_ticks):
+    with progress(writer, lambda: 0.0) as shown:
         shown.begin("", "controllers", costs(2))
-        path = store.folder / NAME
-        written = json.loads(path.read_text())
-        assert read_state(store.folder)["running"]
+        path = writer.folder / NAME
+        written = read_record(path)
+        assert read_state(writer.folder)["running"]
         ended = subprocess.Popen([sys.executable, "-c", ""])
         ended.wait()
         for change, lives in (
@@ -118,31 +118,32 @@ def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(store, 
             ({"host": "elsewhere"}, True),
             ({"host": "elsewhere", "written": time.time() - 2 * run_state.SILENCE}, False),
         ):
-            path.write_text(json.dumps(written | change))
-            assert read_state(store.folder)["running"] is lives
+            path.write_bytes(seal_record(written | change))
+            assert read_state(writer.folder)["running"] is lives
 
 
-def test_a_state_that_cannot_be_read_is_as_none(store, bench):
-    path = store.folder / NAME
-    for text in ("", "{", "[]", '{"pid": "a"}', '{"host": 1, "phases": 2, "ended": 1}'):
-        path.write_text(text)
-        assert read_state(store.folder) is None
-        assert bench("status", str(store.folder))[0] == 0
+def test_a_state_that_cannot_be_read_is_as_none(writer, bench):
+    path = writer.folder / NAME
+    records = ({"pid": "a"}, {"host": 1, "phases": 2, "ended": 1}, {"ended": False})
+    for content in (b"", b"{", b"[]", *map(seal_record, records)):
+        path.write_bytes(content)
+        assert read_state(writer.folder) is None
+        assert bench("status", str(writer.folder))[0] == 0
 
 
-def test_a_state_is_never_half_written(store, no_ticks, monkeypatch):
-    with progress(store, lambda: 0.0) as shown:
+def test_a_state_is_never_half_written(writer, no_ticks, monkeypatch):
+    with progress(writer, lambda: 0.0) as shown:
         shown.begin("", "controllers", costs(2))
-        before = (store.folder / NAME).read_bytes()
+        before = (writer.folder / NAME).read_bytes()
 
         def half(path, content):
             path.write_bytes(content[: len(content) // 2])
             raise OSError("no space left on the device")
 
-        monkeypatch.setattr("bench.store.flush", half)
+        monkeypatch.setattr("bench.sealed_files.flush", half)
         shown.start(0, "one")
         shown._keep()
-        assert (store.folder / NAME).read_bytes() == before
+        assert (writer.folder / NAME).read_bytes() == before
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

@@ -12,6 +12,7 @@ import pytest
 from bench import driver, load
 from bench import run as run_from_python
 from bench.backend import Workers
+from bench.cli_status import progress
 from bench.clock import schedule
 from bench.controller import ControllerConfig
 from bench.costs import fit_cost
@@ -21,7 +22,8 @@ from bench.jobs import fit_job
 from bench.merge import merge
 from bench.parsing import settings
 from bench.presets import get_preset
-from bench.store import Store
+from bench.results import Results as StoredResults
+from bench.results_writer import writing
 from bench.study_demos import learning_from
 from methods import registry
 from methods.kodex import Kodex
@@ -47,7 +49,7 @@ class TestInProcess:
         code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
         # One controller, one fit, KODex on three splits and the expert on two.
         assert (code, said) == (0, f"7 results computed, 5 cells in {out}\n")
-        frame = Store(out).frame().set_index(["method", "split"])
+        frame = StoredResults(out).frame().set_index(["method", "split"])
         assert dict(frame.episodes) == {
             ("expert", "ood"): 20,
             ("expert", "test"): 20,
@@ -78,25 +80,29 @@ class TestInProcess:
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
         assert "evaluations: 4 of 5 done" in bench("status", str(tmp_path))[1]
 
-    def test_status_counts_evaluations_of_all_episodes_and_of_what_was_asked_for_alone(
-        self, task, smoke, bench, tmp_path
+    def test_status_counts_evaluations_with_all_episodes_that_were_asked_for(
+        self, task, smoke, tmp_path, capsys
     ):
         run(get_preset("smoke"), tmp_path, Workers(1, "sequential"))
-        store = Store(tmp_path)
-        study, notes = store.study(), store.notes()
+        results = StoredResults(tmp_path)
+        wanted = {one.place: one for one in results.manifest().wanted}
         label = "door-kodex-described-single-n6-s0"
-        test, ood = (f"eval-{split}-nominal-original-appendix" for split in ("test", "ood"))
-        assert study[label]["episodes"][test] == 20
-        study[label]["episodes"][test] = 21
-        study[label]["evaluations"][ood] = 64 * "0"
-        store.write_study(study, notes)
-        assert store.progress()["evaluations_done"] == 3
-        for entry in study.values():
-            del entry["episodes"]
-        store.write_study(study, notes)
-        assert store.progress()["evaluations_done"] == 4
+        test, ood = (
+            wanted[label, f"eval-{split}-nominal-original-appendix"] for split in ("test", "ood")
+        )
+        more = replace(test, episodes=test.episodes + 1)
+        other = replace(ood, evaluation=replace(ood.evaluation, key=64 * "0"))
+        with writing(tmp_path) as writer:
+            writer.ask_for([more, other])
+        assert progress(results)["evaluations_done"] == 3
+        with writing(tmp_path) as writer:
+            writer.ask_for([test])
+        assert progress(results)["evaluations_done"] == 4
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).write_bytes(b"damaged")
-        assert store.progress()["evaluations_done"] == 3
+        assert progress(results)["evaluations_done"] == 3
+        next(tmp_path.glob("cells/door-kodex*/weights*")).write_bytes(b"damaged")
+        assert progress(results)["evaluations_done"] == 2
+        assert capsys.readouterr().err.count("is damaged") == 2
 
     def test_a_plan_prices_what_is_missing(self, task, smoke, bench, tmp_path):
         options = ("smoke", "--jobs", "1", "--out", str(tmp_path))
@@ -143,7 +149,7 @@ class TestInProcess:
         table = pd.read_parquet(export)
         pd.testing.assert_frame_equal(table, load(out))
         assert len(table) == 2 + 4 * 20
-        frame = Store(out).frame()
+        frame = StoredResults(out).frame()
         counted = table.groupby(["method", "split"], observed=True).success.sum()
         assert dict(counted) == dict(frame.set_index(["method", "split"]).successes)
 
@@ -158,7 +164,7 @@ class TestInProcess:
         code, said, _ = bench("merge", str(a), str(b), str(c), "--out", str(tmp_path / "out"))
         assert (code, said) == (0, f"2 fits in {tmp_path / 'out'}\n")
         assert files_of(tmp_path / "out") == files_of(whole)
-        merged, alone = Store(tmp_path / "out").frame(), Store(whole).frame()
+        merged, alone = StoredResults(tmp_path / "out").frame(), StoredResults(whole).frame()
         assert (merged[merged.method == "kodex"].fit_seconds > 0).all()
         pd.testing.assert_frame_equal(
             merged.drop(columns="fit_seconds"), alone.drop(columns="fit_seconds")
@@ -220,7 +226,7 @@ class TestInProcess:
     ):
         study = get_preset("smoke")
         run(study, tmp_path, Workers(1, "sequential"))
-        before, asked = files_of(tmp_path), Store(tmp_path).study()
+        before, asked = files_of(tmp_path), StoredResults(tmp_path).manifest()
         for other, answer in (
             (replace(study, controller=ControllerConfig(epochs=6)), "another controller .its conf"),
             (
@@ -233,7 +239,7 @@ class TestInProcess:
             assert "of door-kodex-described-single-n6-s0 with" in str(refusal.value)
             assert "choose another folder" in str(refusal.value)
         assert files_of(tmp_path) == before
-        assert Store(tmp_path).study() == asked
+        assert StoredResults(tmp_path).manifest() == asked
 
     def test_results_of_another_version_are_set_aside_and_computed_again(
         self, task, smoke, tmp_path, monkeypatch, capsys
@@ -262,7 +268,7 @@ class TestInProcess:
         assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith(
             "4 results"
         )
-        frame = Store(tmp_path).frame()
+        frame = StoredResults(tmp_path).frame()
         configs = frame[frame.split == "validation"].set_index("settings").config
         assert {name: config["observables"] for name, config in configs.items()} == {
             "": 3,
@@ -303,7 +309,7 @@ class TestInProcess:
             setting = ("--set", f"kodex.observables={number}")
             assert bench("run", "smoke", *options, *setting)[0] == code
         assert set(load(tmp_path).method) == {"expert", "kodex"}
-        (failure,) = Store(tmp_path).failures()
+        (failure,) = StoredResults(tmp_path).failures()
         assert failure["label"] == "door-kodex-observables=2-described-single-n6-s0"
 
     def test_the_report_has_table_1_with_interval_n_and_the_published_value(
@@ -369,7 +375,7 @@ class TestInProcess:
         run = ("run", "smoke", "--jobs", "1", "--out", str(out), "--demos", str(file))
         code, said, _ = bench(*run)
         assert (code, said.split(",")[0]) == (0, "7 results computed")
-        frame = Store(out).frame()
+        frame = StoredResults(out).frame()
         assert set(frame[frame.method == "kodex"].demos) == {3}
         assert set(frame[frame.split == "validation"].episodes) == {2}
         assert bench(*run)[1].startswith("0 results computed")
@@ -377,7 +383,7 @@ class TestInProcess:
         assert (plan["missing_fits"], plan["missing_evaluations"]) == (0, 0)
         assert bench("verify", str(out), "--jobs", "1", "--cells", "9")[0] == 0
         bench(*run[:-2])
-        frame = Store(out).frame()
+        frame = StoredResults(out).frame()
         assert frame[frame.method == "kodex"].groupby("demos").demos_key.nunique().to_dict() == {
             3: 1,
             6: 1,
@@ -385,7 +391,7 @@ class TestInProcess:
         assert frame[frame.method == "kodex"].demos_key.nunique() == 2
         save_demos(load_demos(task)[:6], file)
         bench(*run)
-        others = set(Store(out).frame().demos_key) - {demos_key(task)}
+        others = set(StoredResults(out).frame().demos_key) - {demos_key(task)}
         assert len(others) == 2
         labels = {f"kodex:demos={key[:8]}" for key in others}
         assert set(load(out).method) == {"expert", "kodex", *labels}
@@ -454,7 +460,7 @@ class TestInProcess:
         bench(*run, more, "--experiments", "success,ood")
         bench("pack", part, "--out", packed)
         alone = pd.read_parquet(tmp_path / "packed/evaluations.parquet")
-        with (empty := Store(tmp_path / "empty")).locked():
+        with writing(tmp_path / "empty") as empty:
             empty.ask_for([])
         bench("pack", part, str(empty.folder), "--out", packed)
         beside = pd.read_parquet(tmp_path / "packed/evaluations.parquet")
@@ -625,13 +631,13 @@ class TestInProcess:
             "door-tuned-on-successes-heavy_hand: TrainingError: controller of door has no samples"
             " to learn from"
         )
-        tried = Store(tmp_path).frame().query("controller == 'tuned-on-successes'").physics
+        tried = StoredResults(tmp_path).frame().query("controller == 'tuned-on-successes'").physics
         assert set(tried) == {*VARIATIONS} - {"heavy_hand"}
 
     def test_an_audit_tries_other_masses_and_other_controllers(self, task, smoke, bench, tmp_path):
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
         assert not run(study, tmp_path, Workers(1, "sequential")).failed
-        frame = Store(tmp_path).frame()
+        frame = StoredResults(tmp_path).frame()
         kodex = frame[(frame.method == "kodex") & (frame.variant == "described")]
         assert set(kodex[kodex.controller == "original"].physics) == {
             "nominal",
@@ -663,12 +669,12 @@ class TestInProcess:
 
     def test_fits_are_timed_once_and_apart_from_the_run(self, task, smoke, bench, tmp_path):
         bench("run", "smoke", "--methods", "kodex,nn", "--out", str(tmp_path), "--jobs", "1")
-        assert Store(tmp_path).frame().fit_seconds.isna().all()
+        assert StoredResults(tmp_path).frame().fit_seconds.isna().all()
         code, said, _ = bench("time", str(tmp_path))
         assert code == 0
         assert said.startswith("door-kodex-described-single-n6-s0: ")
         assert "2 fits timed" in said
-        frame = Store(tmp_path).frame()
+        frame = StoredResults(tmp_path).frame()
         assert (frame[frame.method != "expert"].fit_seconds > 0).all()
         assert "0 fits timed" in bench("time", str(tmp_path))[1]
 
@@ -763,13 +769,13 @@ def test_a_failure_is_noted_and_the_rest_goes_on(task, smoke, bench, tmp_path, m
         code, _, error = bench("run", "smoke", *options, "--out", str(tmp_path))
         assert code == 3
         assert "seed 2: fit raised ZeroDivisionError: seed two never works" in error
-        (failure,) = Store(tmp_path).failures()
+        (failure,) = StoredResults(tmp_path).failures()
         assert failure["tries"] == tries
         assert "in fit" in failure["traceback"]
-    assert set(Store(tmp_path).frame().seed) == {1, 3}
+    assert set(StoredResults(tmp_path).frame().seed) == {1, 3}
     monkeypatch.setattr(Failing, "fit", Kodex.fit)
     assert bench("run", "smoke", *options, "--out", str(tmp_path))[0] == 0
-    assert Store(tmp_path).failures() == []
+    assert StoredResults(tmp_path).failures() == []
     registry.get_method.cache_clear()
 
 
@@ -784,11 +790,11 @@ def test_a_failure_is_forgotten_once_its_evaluation_succeeds_in_pieces(
     with monkeypatch.context() as patch:
         patch.setattr("bench.jobs.rollout", rollout)
         assert len(run(study, tmp_path, Workers(1, "sequential")).failed) == 2
-    assert len(Store(tmp_path).failures()) == 2
+    assert len(StoredResults(tmp_path).failures()) == 2
     monkeypatch.setattr("bench.driver.CHUNK", 2)
     for episodes in (4, 8):
         run(replace(study, episodes={"ood": episodes}), tmp_path, Workers(1, "sequential"))
-    assert Store(tmp_path).failures() == []
+    assert StoredResults(tmp_path).failures() == []
 
 
 def test_a_plan_schedules_jobs_as_they_come():

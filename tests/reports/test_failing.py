@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bench.replay import replay
-from bench.store import Store
+from bench.results import Results as StoredResults
 from reports.failing import ELSEWHERE, FAILURES, count_modes, draw_failures, failures
 from reports.motions import draw_motion, motions
 from reports.results import Results
@@ -42,7 +42,7 @@ def row_of(folder, method, split="test"):
 class TestFailures:
     def test_there_is_a_row_with_one_mode_for_each_failed_episode(self, task, results):
         found = failures(results, task.name, "kodex")
-        stored = Store(results).outcomes(row_of(results, "kodex"))
+        stored = StoredResults(results).outcomes(row_of(results, "kodex"))
         assert found.start.tolist() == stored.start[~stored.success].tolist() == [0, 3, 6]
         assert set(found["mode"]) <= {DIVERGED, *task.failure_modes}
         assert set(found.split) == {"test"}
@@ -110,8 +110,8 @@ def test_a_replay_is_the_stored_episode(task, results):
         for split in ("test", "ood"):
             row = row_of(results, method, split)
             seen = replay(results, row, [1, 4, 5]).episodes
-            stored = Store(results).outcomes(row).iloc[[1, 4, 5]]
-            readings = Store(results).readings(row)[[1, 4, 5]]
+            stored = StoredResults(results).outcomes(row).iloc[[1, 4, 5]]
+            readings = StoredResults(results).readings(row)[[1, 4, 5]]
             assert seen.steps.tolist() == stored.steps.tolist()
             np.testing.assert_array_equal(seen.readings.astype(np.float32), readings)
 
@@ -134,7 +134,9 @@ class TestMotions:
         found = motions(results, task.name, "kodex", 0)
         first = found[found.t == 0]
         np.testing.assert_allclose(first.predicted, first.demonstrated, atol=1e-9)
-        stored = Store(results).diagnostics(row_of(results, "kodex")["folder"])["imitation_error"]
+        stored = StoredResults(results).diagnostics(row_of(results, "kodex")["folder"])[
+            "imitation_error"
+        ]
         np.testing.assert_array_equal(first.error, stored)
 
     def test_a_figure_has_a_panel_for_each_joint_with_its_unit(self, task, results):
