@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-    from bench.driver import Outcome
     from bench.opened import Opened
     from bench.presets import Study
+    from bench.runner import Outcome
     from bench.studies import Options
     from tasks.arrays import Replayed
     from tasks.data import Demos
@@ -50,7 +50,7 @@ def run(
             writes to the folder.
     """
     from bench.backend import Workers
-    from bench.driver import count_jobs
+    from bench.cores import count_jobs
     from bench.driver import run as run_study
     from bench.studies import study_of
 

@@ -17,8 +17,8 @@ from tasks.files import writable_folder
 
 if TYPE_CHECKING:
     from bench.backend import Workers
-    from bench.driver import Outcome
     from bench.presets import Study
+    from bench.runner import Outcome
 
 
 @takes_study
@@ -42,7 +42,7 @@ def run(
 ) -> None:
     """Run a study: fit methods and evaluate them. Only missing results are computed."""
     from bench.backend import Workers
-    from bench.driver import count_jobs
+    from bench.cores import count_jobs
 
     _warn_of_namesakes(study.methods)
     count = count_jobs(jobs)
@@ -110,8 +110,8 @@ def plan(
     Takes the options of `bench run`. How fast the machine is, is measured once, in seconds; a
     method of a package is tried each time.
     """
+    from bench.cores import count_jobs
     from bench.doing import doing
-    from bench.driver import count_jobs
     from bench.plan import make_plan
 
     writable_folder(out)

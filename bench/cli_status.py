@@ -17,7 +17,7 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Show how much of a study is done, during a run or after it, and what failed."""
-    from bench.clock import counted, headline, running
+    from bench.clock import KINDS, counted, headline, running
     from bench.remarks import remarks
     from bench.results import Results
     from bench.run_state import read_state
@@ -31,12 +31,13 @@ def status(
         return
     if state:
         print(headline(state))
-        for line in counted(state):
-            print(f" {line}")
+        print(f" {counted(state)}")
         if state["running"] and state["now"]:
             print(f" now: {running(state)}")
-    for kind in ("controllers", "fits", "evaluations"):
+    for kind in KINDS:
         print(f"{kind + ':':<12} {counts[f'{kind}_done']} of {counts[kind]} done")
+    if counts["missing_episodes"]:
+        print(f"missing:     {counts['missing_episodes']:,} episodes")
     for note in notes:
         print(f"note: {note}")
     for failure in failures:
@@ -44,23 +45,29 @@ def status(
 
 
 def progress(results: "Results") -> dict[str, int]:
-    """Returns how many results studies have asked for, and how many are there in full.
+    """Returns how many results studies have asked for, how many are stored whole, what is missing.
 
-    Of ``controllers``, ``fits`` and ``evaluations``, and of each those ``_done``.
+    ``controllers``, ``fits`` and ``evaluations``, of each those ``_done``, and
+    ``missing_episodes``.
 
     Raises:
-        InputError: the manifest is damaged.
+        InputError: the folder holds no results.
     """
+    from bench.missing import find_missing
+
+    results.check_exists()
     wanted = results.manifest().wanted
-    controllers = {one.controller for one in wanted if one.controller}
-    fits = {one.fit for one in wanted}
+    missing = find_missing(results, wanted)
+    controllers = {one.controller.key for one in wanted if one.controller}
+    fits = {one.fit.key for one in wanted if one.fitted}
     return {
         "controllers": len(controllers),
-        "controllers_done": sum(map(results.has_controller, controllers)),
+        "controllers_done": len(controllers - missing.controllers),
         "fits": len(fits),
-        "fits_done": sum(map(results.has_fit, fits)),
+        "fits_done": len(fits - missing.fits),
         "evaluations": len(wanted),
-        "evaluations_done": sum(results.stored_episodes(one) >= one.episodes for one in wanted),
+        "evaluations_done": len(wanted) - len(missing.evaluations),
+        "missing_episodes": missing.episodes,
     }
 
 

@@ -34,6 +34,8 @@ class Wanted:
     episodes: int
     controller: Name | None = None
     """The tracking controller, of an evaluation that needs one."""
+    fitted: bool = True
+    """Whether a method is evaluated; the expert is not fitted."""
 
     @property
     def place(self) -> tuple[str, str]:
@@ -93,10 +95,11 @@ def read_manifest(folder: Path) -> Manifest:
 
 def _wanted(path: Path, entry: dict[str, Any]) -> Wanted:
     check(type(entry["episodes"]) is int, path, "a number of episodes")
+    check(type(entry["fitted"]) is bool, path, "fitted")
     fit, evaluation = (_name(path, entry[part]) for part in ("fit", "evaluation"))
     controller = entry["controller"]
     tracked = None if controller is None else _name(path, controller)
-    return Wanted(fit, evaluation, entry["episodes"], tracked)
+    return Wanted(fit, evaluation, entry["episodes"], tracked, entry["fitted"])
 
 
 def _name(path: Path, entry: dict[str, Any]) -> Name:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.driver import learnt
+from bench.computing import make_policy
 from bench.isolation import apart
-from bench.jobs import make_policy
+from bench.jobs import stored_bytes
 from bench.labels import plain
 from bench.results import Results
 from bench.rollout import TrackedMotion
@@ -126,7 +126,7 @@ def replay(
 def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: bool) -> Replay:
     results = Results(folder)
     cell = stored_cell(results, row, row["episodes"])
-    evaluation, stored = cell.evaluation, learnt(results, cell)
+    evaluation, stored = cell.evaluation, stored_bytes(cell, results)
     task = get_task(evaluation.task, evaluation.rule)
     every = task.sample(evaluation.split, cell.episodes)
     parts = []

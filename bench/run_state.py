@@ -14,7 +14,7 @@ from bench.sealed_files import DamagedError, read_record, seal_record
 NAME = "progress.json"
 SILENCE = 60.0
 """Seconds without news after which a run on another host counts as stopped."""
-_PHASE = {"wave": str, "name": str, "done": int, "of": int, "failed": int}
+_KIND = {"name": str, "done": int, "of": int, "failed": int}
 _JOB = {"label": str, "seconds": float}
 
 
@@ -53,7 +53,7 @@ def read_state(folder: Path) -> dict[str, Any] | None:
             "running": _lives(found),
             "gone": float(found["gone"]),
             "left": float(found["left"]),
-            "phases": [_typed(phase, _PHASE) for phase in found["phases"]],
+            "kinds": [_typed(kind, _KIND) for kind in found["kinds"]],
             "now": [_typed(job, _JOB) for job in found["now"]],
         }
         age = max(0.0, time.time() - float(found["written"])) if state["running"] else 0.0

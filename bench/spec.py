@@ -199,4 +199,5 @@ class Cell:
             Name(self.evaluation.name, self.evaluation.key(fit)),
             self.episodes,
             Name(controller.label, controller.key) if controller else None,
+            fit.method != EXPERT,
         )

@@ -7,10 +7,11 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from bench.backend import Call, Interrupts, answers, workers
+from bench.backend import Call, Listed, Workers, answers, workers
+from bench.computing import fit_methods
 from bench.doing import say
+from bench.interrupts import Interrupts
 from bench.isolation import Failure
-from bench.jobs import fit_job
 from bench.results_writer import writing
 from bench.spec import EXPERT, VALIDATION, Fit
 from bench.training_data import training_demos, validation_demos
@@ -36,8 +37,6 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         InputError: there are no results, they are from other demonstrations than this installation
             makes, or another run writes to the folder.
     """
-    from bench.backend import Workers
-
     where = Workers(1)
     with writing(folder) as writer:
         frame = writer.results.frame()
@@ -52,12 +51,13 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         timed = 0
         calls = [partial(_call, row) for row in missing]
         with workers(where), Interrupts() as interrupts:
-            for index, answer in answers(calls, where, interrupts):
-                label = stored_fit(missing[index]).label
+            for index, answer in answers(Listed(calls), where, interrupts):
+                row = missing[int(index)]
+                label = stored_fit(row).label
                 if isinstance(answer.result, Failure):
                     report(f"{label} cannot be timed: {answer.result.reason}")
                 else:
-                    writer.add_times(missing[index]["folder"], answer.result)
+                    writer.add_times(row["folder"], answer.result)
                     report(f"{label}: {median(answer.result):.3g} s")
                     timed += 1
             interrupts.check()
@@ -80,5 +80,5 @@ def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
     timed_fit = replace(fit, config=config)
-    measured = [fit_job([timed_fit], demos, validation)[0].seconds for _ in range(REPEATS)]
+    measured = [fit_methods([timed_fit], demos, validation)[0].seconds for _ in range(REPEATS)]
     return [seconds * epochs / timed for seconds in measured]

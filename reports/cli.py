@@ -164,7 +164,7 @@ def verify(
     An evaluation differs too much if its success is outside the 95% interval of the stored one.
     """
     from bench.backend import Workers
-    from bench.driver import count_jobs
+    from bench.cores import count_jobs
     from bench.packed import open_results
     from bench.verify import OUTSIDE
     from bench.verify import verify as verify_results

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from bench.checking import known
+from bench.computing import make_policy
 from bench.doing import say
-from bench.driver import learnt
-from bench.jobs import make_policy
+from bench.jobs import stored_bytes
 from bench.labels import EXPERT, labels_of
 from bench.results import Results as StoredResults
 from bench.rollout import TrackedMotion
@@ -129,7 +129,7 @@ def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
     cell = stored_cell(stored, _row(results, task.name, method), 1)
     if cell.fit.method != EXPERT:
         known(cell.fit.method)  # the import of a package may end the process
-    policy = make_policy(cell.fit, *learnt(stored, cell))
+    policy = make_policy(cell.fit, *stored_bytes(cell, stored))
     watched = Watched(policy)
     outcome = rollout(task, starts, watched, threads=1, whole=True)
     positions = np.stack([*watched.positions, watched.simulator.batch.qpos[0]])

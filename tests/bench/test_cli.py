@@ -296,7 +296,7 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     bench, tmp_path, monkeypatch, command, where
 ):
     monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
-    monkeypatch.setattr("bench.driver._Runner", pytest.fail)
+    monkeypatch.setattr("bench.driver.Runner", pytest.fail)
     monkeypatch.setattr("tasks.demos.load_demos", pytest.fail)
     (tmp_path / "file").write_text("mine")
     out = {"file": tmp_path / "file", "below a file": tmp_path / "file" / "out"}.get(where, where)

@@ -9,16 +9,16 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from bench import driver, load
+from bench import load
 from bench import run as run_from_python
 from bench.backend import Workers
 from bench.cli_status import progress
-from bench.clock import schedule
+from bench.computing import fit_methods
 from bench.controller import ControllerConfig
+from bench.cores import cores
 from bench.costs import fit_cost
-from bench.driver import cores, run
+from bench.driver import run
 from bench.experiments import cells_of
-from bench.jobs import fit_job
 from bench.merge import merge
 from bench.parsing import settings
 from bench.presets import get_preset
@@ -74,7 +74,8 @@ class TestInProcess:
     def test_status_counts_what_is_done(self, task, smoke, bench, tmp_path):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         whole = {"controllers": 1, "controllers_done": 1, "run": None}
-        whole |= {"fits": 2, "fits_done": 2, "evaluations": 5, "evaluations_done": 5}
+        whole |= {"fits": 1, "fits_done": 1, "evaluations": 5, "evaluations_done": 5}
+        whole |= {"missing_episodes": 0}
         whole |= {"failures": [], "notes": []}
         assert json.loads(bench("status", str(tmp_path), "--json")[1]) == whole
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
@@ -608,7 +609,7 @@ class TestInProcess:
         self, task, smoke, bench, tmp_path, monkeypatch
     ):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
-        monkeypatch.setattr("bench.driver.version", lambda name: "9.9")
+        monkeypatch.setattr("bench.provenance.version", lambda name: "9.9")
         options = ("--methods", "nn", "--set", "nn.epochs=1", "--jobs", "1")
         bench("run", "smoke", *options, "--out", str(tmp_path))
         code, _, error = bench("report", str(tmp_path))
@@ -788,21 +789,13 @@ def test_a_failure_is_forgotten_once_its_evaluation_succeeds_in_pieces(
 
     study = replace(get_preset("smoke"), episodes={"ood": 8})
     with monkeypatch.context() as patch:
-        patch.setattr("bench.jobs.rollout", rollout)
+        patch.setattr("bench.computing.rollout", rollout)
         assert len(run(study, tmp_path, Workers(1, "sequential")).failed) == 2
     assert len(StoredResults(tmp_path).failures()) == 2
-    monkeypatch.setattr("bench.driver.CHUNK", 2)
+    monkeypatch.setattr("bench.missing.CHUNK", 2)
     for episodes in (4, 8):
         run(replace(study, episodes={"ood": episodes}), tmp_path, Workers(1, "sequential"))
     assert StoredResults(tmp_path).failures() == []
-
-
-def test_a_plan_schedules_jobs_as_they_come():
-    assert schedule([], 3) == 0
-    assert schedule([1, 2, 3], 1) == 6
-    assert schedule([1, 1, 1, 9], 2) == 10
-    assert schedule([9, 1, 1, 1], 2) == 9
-    assert schedule([5, 1], 128) == 5
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -811,9 +804,9 @@ def test_the_longest_job_begins_first(task, smoke, tmp_path, monkeypatch):
 
     def noted(fits, demos, validation):
         begun.append(fit_cost(fits).seconds)
-        return fit_job(fits, demos, validation)
+        return fit_methods(fits, demos, validation)
 
-    monkeypatch.setattr(driver, "fit_job", noted)
+    monkeypatch.setattr("bench.jobs.fit_methods", noted)
     study = replace(get_preset("smoke"), methods=("kodex", "ndp", "nn"), episodes={"success": 5})
     run(study, tmp_path, Workers(1, "sequential"))
     assert begun == sorted(begun, reverse=True)
