@@ -117,9 +117,10 @@ class Clock:
         """A job has ended, after so many seconds of work."""
         phase, cost = self._phases[self._current], self._pop(index)
         self._start_sent(now)
-        phase.done += cost.count
-        phase.failed += cost.count * failed
-        if not failed:
+        if failed:
+            phase.failed += cost.count
+        else:
+            phase.done += cost.count
             self._ended.append((cost, seconds))
 
     def split(self, index: int, now: float) -> None:
@@ -171,7 +172,7 @@ class Clock:
                 "wave": phase.wave,
                 "name": phase.name,
                 "done": phase.done,
-                "of": phase.done + phase.left,
+                "of": phase.done + phase.failed + phase.left,
                 "failed": phase.failed,
             }
             for phase in self._phases
@@ -250,7 +251,7 @@ def counted(state: Mapping[str, Any]) -> list[str]:
     waves: dict[str, list[str]] = {}
     for phase in state["phases"]:
         text = "{name} {done}/{of}".format(**phase)
-        text += " ({failed} failed)".format(**phase) if phase["failed"] else ""
+        text += ", {failed} failed".format(**phase) if phase["failed"] else ""
         waves.setdefault(phase["wave"], []).append(text)
     return [f"{wave}: {', '.join(t)}" if wave else ", ".join(t) for wave, t in waves.items()]
 

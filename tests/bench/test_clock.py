@@ -126,7 +126,7 @@ def test_fits_of_a_group_that_failed_together_are_counted_one_by_one():
         clock.start(index, f"a-s{index}", 1.0)
         clock.end(index, 10.0, 11.0, failed=index == 3)
     assert clock.phase_over
-    assert counted(clock.state(60.0)) == ["fits 5/5 (1 failed)"]
+    assert counted(clock.state(60.0)) == ["fits 4/5, 1 failed"]
 
 
 def test_a_job_that_is_tried_again_starts_again():
