@@ -311,6 +311,27 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     assert (tmp_path / "file").read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("run", "smoke", "--out", ""), "--out"),
+        (("run", "smoke", "--out="), "--out"),
+        (("report", "--reference", "--export", ""), "--export"),
+        (("new-method", "mine", "--folder", ""), "--folder"),
+        (("status", ""), "status"),
+    ],
+    ids=" ".join,
+)
+def test_an_empty_path_is_refused_and_is_not_the_current_folder(
+    bench, tmp_path, monkeypatch, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    code, out, error = bench(*words)
+    assert (code, out) == (2, "")
+    assert error.startswith(f"bench: the text after {named} is empty")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_doctor_says_what_cannot_be_written_to(bench, tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "file"))
