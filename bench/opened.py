@@ -12,6 +12,7 @@ from bench.packed import is_packed, open_results, shipped
 from bench.store import Store, episodes_table
 from bench.views import view
 from tasks.errors import InputError
+from tasks.files import path_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,7 @@ class Opened:
         Raises:
             InputError: the folder holds no results.
         """
-        given = shipped() if folder is None else Path(folder)
+        given = shipped() if folder is None else path_of("folder", folder)
         self.folder: Path = results_folder(given, packed=True)
         """Where the results are."""
         self._source = open_results(self.folder)

@@ -15,7 +15,7 @@ from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, Starts, real
 from tasks.demos import record, save_demos
 from tasks.errors import InputError
-from tasks.files import new_path
+from tasks.files import new_path, path_of
 from tasks.simulator import Simulator
 
 REQUIRED, OPTIONAL = ("actions", "starts"), ("states",)
@@ -41,7 +41,7 @@ class Replayed:
             InputError: no episode succeeds, something is there already, or its folder cannot be
                 written to.
         """
-        path = new_path(Path(file))
+        path = new_path(path_of("file", file))
         if not len(self.demos):
             raise InputError(f"no episode succeeds on replay, so nothing is written to {path}")
         save_demos(self.demos, path)
