@@ -150,7 +150,7 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     from bench.store import Store
 
     try:
-        with doing("looking for what is missing"):
+        with doing("checking the study"):
             outcome = run_driver(study, out, where)
     except OSError as error:
         print(
@@ -220,7 +220,7 @@ def plan(
     )
     writable_folder(out)
     count = count_jobs(jobs)
-    with doing("listing what is missing"):
+    with doing("checking the study"):
         made = make_plan(study, out, count)
     if as_json:
         print(json.dumps(asdict(made)))

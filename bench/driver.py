@@ -23,6 +23,7 @@ from bench.admission import admissions, guests, introductions
 from bench.backend import IN_THIS_PROCESS, Call, Interrupts, Workers, answers, workers
 from bench.clock import Clock
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
+from bench.doing import say
 from bench.experiments import cells_of, chosen_sizes, first_wave, recipes_of
 from bench.isolation import Failure
 from bench.jobs import Fitted, Piece, controller_job, evaluation_job, fit_job
@@ -90,6 +91,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
             return runner.outcome([])
         expected = cells_of(study, recipes) if largest is None else largest
         runner.store.check(expected)
+        say("looking for what is missing")
         compared = first_wave(study, recipes)
         runner.expect(compared, expected)
         runner.compute(compared, study.note, SIZES)

@@ -83,6 +83,7 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
 
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
     cells = cells_of(study, recipes_of(study))
+    say("listing what is missing")
     missing = pending(Store(folder), cells)
     missing = replace(missing, controllers=[c for c in missing.controllers if not trained(c)])
     say("measuring how fast this machine is")
