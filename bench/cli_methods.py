@@ -12,6 +12,7 @@ import typer
 from bench.options import SOME_FAILED, AsJson
 from tasks.files import whole_folder
 from tasks.registry import TASKS
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from bench.checking import Checked
@@ -51,17 +52,13 @@ def _show(method: str, checked: "Checked", seconds: float) -> None:
         if asks.get(verdict.rule):
             print(f"       the rule: {(asks[verdict.rule] or '').strip()}")
     for reason in dict.fromkeys(untried):
-        print(f"       not tried: {_counted(untried.count(reason), 'rule')} ({reason})")
+        print(f"       not tried: {count_of(untried.count(reason), 'rule')} ({reason})")
     if sound:
         print(fill(f"ok     {', '.join(sound)}", width=99, subsequent_indent=" " * 7))
     if checked.lines:
-        print(f"It printed {_counted(checked.lines, 'line')}, which begin:")
+        print(f"It printed {count_of(checked.lines, 'line')}, which begin:")
         for line in checked.printed:
             print(f"       | {line}")
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def new_method(

@@ -14,6 +14,7 @@ from bench.options import SOME_FAILED, AsJson, Jobs, number, results_folder
 from bench.studies import study_of
 from tasks.errors import InputError
 from tasks.files import writable_folder
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from bench.backend import Workers
@@ -133,7 +134,9 @@ def run(
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
     outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
+    print(
+        f"{count_of(outcome.done, 'result')} computed, {count_of(outcome.cells, 'cell')} in {out}"
+    )
     if outcome.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -177,7 +180,7 @@ def time(
 
     with doing("looking for fits to time"):
         timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
-    print(f"{timed} fits timed in {folder}")
+    print(f"{count_of(timed, 'fit')} timed in {folder}")
 
 
 def plan(
@@ -225,13 +228,16 @@ def plan(
     if as_json:
         print(json.dumps(asdict(made)))
     else:
+        missing = [
+            count_of(getattr(made, f"missing_{noun}s"), noun)
+            for noun in ("controller", "fit", "evaluation", "episode")
+        ]
         print(
-            "{cells} cells; missing: {missing_controllers} controllers, {missing_fits} fits,"
-            " {missing_evaluations} evaluations of {missing_episodes:,} episodes\n"
-            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs} jobs"
+            f"{count_of(made.cells, 'cell')}; missing: {', '.join(missing[:3])} of {missing[3]}\n"
+            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs}"
             " and never below {longest_hours:.1f};"
             " {memory_gib:.1f} GiB of memory; {disk_gib:.2f} GiB of disk, {free_gib:.0f} free"
-            "".format(**asdict(made), jobs=count)
+            "".format(**asdict(made), jobs=count_of(count, "job"))
         )
     made.check()
 
@@ -253,4 +259,4 @@ def merge(
 
     for folder in folders:
         results_folder(folder)
-    print(f"{merge_folders(folders, out)} fits in {out}")
+    print(f"{count_of(merge_folders(folders, out), 'fit')} in {out}")

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from bench.options import AsJson, results_folder
+from tasks.words import count_of
 
 
 def status(
@@ -38,7 +39,8 @@ def status(
     for remark in remarks(store):
         print(f"note: {remark}")
     for failure in failures:
-        print("failed ({tries} tries): {label}: {reason}".format(**failure))
+        tries = count_of(failure["tries"], "try", "tries")
+        print(f"failed ({tries}): {failure['label']}: {failure['reason']}")
 
 
 def doctor(

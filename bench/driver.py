@@ -45,6 +45,7 @@ from tasks.experts import load_expert
 from tasks.masses import NOMINAL
 from tasks.registry import get_task
 from tasks.simulator import CHUNK
+from tasks.words import count_of
 
 SIZES, REST = "sizes", "then"
 """What is run first where sizes are compared, and what follows, for people to read."""
@@ -103,7 +104,9 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
     """Computes and stores what is missing of some cells, see `run`; trains their controllers."""
-    with _running(folder, where, f"{len(cells)} evaluations again", reuse=False) as runner:
+    with _running(
+        folder, where, f"{count_of(len(cells), 'evaluation')} again", reuse=False
+    ) as runner:
         names = guests(
             dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
         )

@@ -16,6 +16,7 @@ from tasks.demos import collect, record
 from tasks.errors import InputError, described, unknown_name
 from tasks.registry import get_task
 from tasks.simulator import Simulator
+from tasks.words import count_of
 
 Attempt = tuple[BoolArray, Demos]
 """From which starts (B,) the policy succeeded, and what it did there."""
@@ -139,6 +140,7 @@ class OwnPolicy:
         bad = np.flatnonzero(~np.isfinite(actions).all(axis=1) & simulator.running)
         if bad.size:
             raise InputError(
-                f"{what} must be finite; it is not for {bad.size} of {len(actions)} starts"
+                f"{what} must be finite; it is not for {bad.size} of"
+                f" {count_of(len(actions), 'start')}"
             )
         return actions

@@ -272,6 +272,14 @@ def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
     assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")
 
 
+def test_status_tells_of_one_try_and_of_several(bench, tmp_path):
+    store = Store(tmp_path)
+    store.ask_for([])
+    for said in ("failed (1 try): door-nn-s1: why", "failed (2 tries): door-nn-s1: why"):
+        store.add_failure("door-nn-s1", "why", "")
+        assert said in bench("status", str(tmp_path))[1]
+
+
 OUTPUTS = {
     "run": ("run", "smoke", "--out", "OUT"),
     "plan": ("plan", "smoke", "--out", "OUT"),

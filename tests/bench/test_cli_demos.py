@@ -165,7 +165,7 @@ def test_arrays_become_demonstrations_of_what_succeeds_on_replay(task, arrays, b
         "demos", "from-arrays", "door", str(tmp_path / "mine.npz"), "--out", str(out)
     )
     assert (code, error) == (0, "")
-    assert "door: 5 of 8 episodes succeed on replay\nepisodes that fail: 0, 3, 6" in said
+    assert "door: 5 of 8 episodes successful on replay\nepisodes that fail: 0, 3, 6" in said
     assert "given states differ from those of the replay by at most 0" in said
     kept = [1, 2, 4, 5, 7]
     training, validation = suite.demos("door", out)
