@@ -40,10 +40,14 @@ def record_policy(
     """
     check_place(place)
 
+    successes = 0
+
     def attempt(starts: Starts) -> Attempt:
+        nonlocal successes
         found = _attempt_apart(task, place, starts)
-        first, last = starts.index[[0, -1]]
-        tell(f"starts {first} to {last}: {found[0].sum()} of {len(starts)} succeed")
+        successes += int(found[0].sum())
+        tried = count_of(int(starts.index[-1]) + 1, "start")
+        tell(f"{tried} tried, {count_of(successes, 'success', 'successes')} found, {count} wanted")
         return found
 
     return collect(get_task(task), count, place, attempt)
