@@ -4,11 +4,11 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 from textwrap import fill
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bench.clock import since_start
 from bench.options import SOME_FAILED, AsJson
 from tasks.files import whole_folder
 from tasks.registry import TASKS
@@ -27,12 +27,11 @@ def check(
     """Check a method against each rule of the method contract. Exit code 3 if it breaks one."""
     from bench.checking import check_apart
 
-    began = perf_counter()
     checked = check_apart(method)
     if as_json:
         print(json.dumps([asdict(verdict) for verdict in checked.verdicts]))
     else:
-        _show(method, checked, perf_counter() - began)
+        _show(method, checked, since_start())
     if not all(verdict.passed for verdict in checked.verdicts):
         raise typer.Exit(SOME_FAILED)
 

@@ -7,9 +7,12 @@ each kind of job, which counts for more the more jobs of the kind have ended.
 from __future__ import annotations
 
 import heapq
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import psutil
 
 if TYPE_CHECKING:  # what reads a state needs no simulator
     from bench.costs import Cost
@@ -228,6 +231,11 @@ def schedule(seconds: Sequence[float], jobs: int, busy: Sequence[float] = ()) ->
     for took in seconds:
         heapq.heapreplace(ends, ends[0] + took)
     return max(ends)
+
+
+def since_start() -> float:
+    """Returns the seconds since this process started, imports included."""
+    return max(0.0, time.time() - psutil.Process().create_time())
 
 
 def duration(seconds: float) -> str:

@@ -3,13 +3,13 @@
 import json
 import shlex
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from bench import parsing
 from bench.cli_run import Settings, run_study
+from bench.clock import since_start
 from bench.options import SOME_FAILED, AsJson, number
 from bench.studies import study_of
 from tasks.registry import TASKS
@@ -44,7 +44,6 @@ def try_method(
     (place,) = parsing.known_names("--task", "task", task, TASKS)
     from reports.trial import trial_of
 
-    began = perf_counter()
     study = study_of(
         "paper",
         experiments="success",
@@ -57,7 +56,7 @@ def try_method(
     if run_study(study, out, Workers(1)).failed:
         raise typer.Exit(SOME_FAILED)
     trial = trial_of(study, out)
-    seconds = perf_counter() - began
+    seconds = since_start()
     from bench.packed import shipped
     from reports.results import Results
 

@@ -1,10 +1,11 @@
 """The clock of a run, against a run that is simulated job by job."""
 
 import heapq
+import time
 
 import pytest
 
-from bench.clock import Clock, counted, duration, headline, schedule
+from bench.clock import Clock, counted, duration, headline, schedule, since_start
 from bench.costs import Cost
 from tasks.data import generator
 
@@ -149,3 +150,8 @@ def test_times_are_told_in_words():
     assert [duration(s) for s in (3, 119, 120, 7300)] == ["3 s", "119 s", "2 min", "2 h"]
     state = {"gone": 360, "left": 840}
     assert headline(state) == "6 min gone, about 14 min left (20 min in all)"
+
+
+def test_a_command_took_what_has_passed_since_its_process_started(monkeypatch):
+    monkeypatch.setattr("psutil.Process.create_time", lambda process: time.time() - 500.0)
+    assert since_start() >= 500.0
