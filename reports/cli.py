@@ -87,11 +87,9 @@ def report(
         elif path.stem == SUCCESS:
             title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
             print(title_and_rows + "\n")
-    print(
-        "\n".join(
-            [*made.answer, "", f"{count_of(len(made.written), 'table')} on the page {made.page}"]
-        )
-    )
+    tables_written = count_of(len(made.written), "table")
+    print("\n".join([*made.answer, "", f"wrote {tables_written} to {place.absolute()}"]))
+    print(f"page: {made.page.absolute()}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 

@@ -372,6 +372,16 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
     assert (tmp_path / "file").read_text() == "old"
 
 
+def test_a_report_of_the_shipped_results_says_in_full_where_it_wrote(bench, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = Report([], {}, [], Path("report/index.html"))
+    monkeypatch.setattr("reports.write.write_report", lambda *arguments: made)
+    code, said, _ = bench("report", "--reference")
+    assert code == 0
+    assert f"wrote 0 tables to {tmp_path / 'report'}\n" in said
+    assert f"page: {tmp_path / 'report/index.html'}\n" in said
+
+
 def test_the_shipped_results_can_be_compared(bench):
     code, out, err = bench("compare", "--reference", "--methods", "kodex,nn", "--json")
     assert (code, err) == (0, "")
