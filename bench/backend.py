@@ -23,6 +23,7 @@ from bench.dask_backend import DaskBackend, dask_client
 from bench.interrupts import Interrupts
 from bench.isolation import Failure, Job, do_apart, do_here, read_answer, start_server
 from tasks.errors import InputError, unknown_name
+from tasks.words import count_of
 
 TRIES = 3
 """Attempts, each alone, for a job whose process died: memory may have run out."""
@@ -267,7 +268,7 @@ def _alone(call: Call, where: Workers) -> Answer:
         try:
             ((_, answer),) = _parallel(replace(where, jobs=1))([_delayed("alone", call, where)])
         except Exception as error:
-            reason = f"its worker died {tries} times ({type(error).__name__})"
+            reason = f"its worker died {count_of(tries, 'time')} ({type(error).__name__})"
             answer = Answer(Failure(reason, str(error), tries, died=True), 0.0)
         if not (isinstance(answer.result, Failure) and answer.result.died):
             break

@@ -14,6 +14,7 @@ from bench.options import SOME_FAILED, AsJson, Jobs, results_folder
 from bench.study_options import takes_study
 from tasks.errors import InputError
 from tasks.files import writable_folder
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from bench.backend import Workers
@@ -49,7 +50,9 @@ def run(
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
     outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
+    print(
+        f"{count_of(outcome.done, 'result')} computed, {count_of(outcome.cells, 'cell')} in {out}"
+    )
     if outcome.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -66,7 +69,7 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     from bench.results import Results
 
     try:
-        with doing("looking for what is missing"):
+        with doing("checking the study"):
             outcome = run_driver(study, out, where)
     except OSError as error:
         print(
@@ -93,7 +96,7 @@ def time(
 
     with doing("looking for fits to time"):
         timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
-    print(f"{timed} fits timed in {folder}")
+    print(f"{count_of(timed, 'fit')} timed in {folder}")
 
 
 @takes_study
@@ -116,18 +119,21 @@ def plan(
 
     writable_folder(out)
     count = count_jobs(jobs)
-    with doing("listing what is missing"):
+    with doing("checking the study"):
         made = make_plan(study, out, count)
     if as_json:
         print(json.dumps(asdict(made)))
     else:
+        missing = [
+            count_of(getattr(made, f"missing_{noun}s"), noun)
+            for noun in ("controller", "fit", "evaluation", "episode")
+        ]
         print(
-            "{cells} cells; missing: {missing_controllers} controllers, {missing_fits} fits,"
-            " {missing_evaluations} evaluations of {missing_episodes:,} episodes\n"
-            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs} jobs"
+            f"{count_of(made.cells, 'cell')}; missing: {', '.join(missing[:3])} of {missing[3]}\n"
+            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs}"
             " and never below {longest_hours:.1f};"
             " {memory_gib:.1f} GiB of memory; {disk_gib:.2f} GiB of disk, {free_gib:.0f} free"
-            "".format(**asdict(made), jobs=count)
+            "".format(**asdict(made), jobs=count_of(count, "job"))
         )
     made.check()
 
@@ -149,4 +155,4 @@ def merge(
 
     for folder in folders:
         results_folder(folder)
-    print(f"{merge_folders(folders, out)} fits in {out}")
+    print(f"{count_of(merge_folders(folders, out), 'fit')} in {out}")

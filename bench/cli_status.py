@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.options import AsJson, results_folder
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from bench.results import Results
@@ -41,7 +42,8 @@ def status(
     for note in notes:
         print(f"note: {note}")
     for failure in failures:
-        print("failed ({tries} tries): {label}: {reason}".format(**failure))
+        tries = count_of(failure["tries"], "try", "tries")
+        print(f"failed ({tries}): {failure['label']}: {failure['reason']}")
 
 
 def progress(results: "Results") -> dict[str, int]:

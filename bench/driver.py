@@ -10,6 +10,7 @@ from bench.admission import admissions, guests, introductions
 from bench.agenda import make_agenda
 from bench.backend import Workers, workers
 from bench.clock import Clock
+from bench.doing import say
 from bench.experiments import cells_of
 from bench.interrupts import Interrupts
 from bench.job_queue import JobQueue
@@ -24,6 +25,7 @@ from bench.study_demos import demos_keys_of
 from methods.registry import introduced
 from tasks.demos import TRAINING
 from tasks.errors import InputError
+from tasks.words import count_of
 
 
 def run(study: Study, folder: Path, where: Workers) -> Outcome:
@@ -51,6 +53,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     with _running(folder, where, str(folder)) as runner:
         study = _admit(study, runner)
         if study.methods or study.expert:
+            say("looking for what is missing")
             agenda = make_agenda(study, keys, runner.results)
             runner.check(agenda.cells)
             runner.copy_trained(agenda.cells)
@@ -64,7 +67,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
     """Computes and stores some cells, and trains their controllers anew, see `run`."""
     methods = dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
-    with _running(folder, where, f"{len(cells)} evaluations again") as runner:
+    with _running(folder, where, f"{count_of(len(cells), 'evaluation')} again") as runner:
         names = guests(methods)
         for name, failure in runner.meet(names, introductions(names)).items():
             raise InputError(f"method {name!r} cannot be used: {failure.reason}")

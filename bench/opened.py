@@ -13,6 +13,7 @@ from bench.results import Results
 from bench.source import episodes_table
 from bench.views import view
 from tasks.errors import InputError
+from tasks.files import path_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +34,7 @@ class Opened:
         Raises:
             InputError: the folder holds no results.
         """
-        given = shipped() if folder is None else Path(folder)
+        given = shipped() if folder is None else path_of("folder", folder)
         self.folder: Path = results_folder(given, packed=True)
         """Where the results are."""
         self._source = open_results(self.folder)

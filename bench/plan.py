@@ -36,6 +36,7 @@ from methods.base import Method, shortened
 from methods.registry import SUITE, introduced
 from tasks.errors import InputError, reason_of
 from tasks.registry import get_task
+from tasks.words import count_of
 
 BYTES_PER_STEP = 4
 """Of a stored episode: one reading after each control step."""
@@ -220,5 +221,7 @@ def _measured(task_name: str, method: str, variant: str, size: str, seeds: int) 
     )
     seconds = process_time() - began
     if len(fitted) != seeds:
-        raise InputError(f"fit_seeds returned {len(fitted)} methods for {seeds} seeds")
+        raise InputError(
+            f"fit_seeds returned {count_of(len(fitted), 'method')} for {count_of(seeds, 'seed')}"
+        )
     return seconds / (epochs * len(training))

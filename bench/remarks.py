@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tasks.words import count_of
+
 if TYPE_CHECKING:
     from bench.results import Results
 
@@ -45,6 +47,6 @@ def _line(method: str, variant: str, task: str, call: str, said: Sequence[_Said]
     where = f" in {len(said)} evaluations" if len(said) > 1 else ""
     first = min(one.first for one in said)
     return (
-        f"{who}: {call} returned NaN or inf for {starts} of {episodes} starts{where}, first at"
-        f" t={first}; these episodes diverge there, which is a failure"
+        f"{who}: {call} returned NaN or inf for {starts} of {count_of(episodes, 'start')}{where},"
+        f" first at t={first}; these episodes diverge there, which is a failure"
     )

@@ -15,6 +15,7 @@ from bench.parsing import known_names, names
 from tasks.errors import InputError
 from tasks.files import whole_file, writable_file, writable_folder
 from tasks.registry import TASKS
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from reports.results import Results
@@ -86,7 +87,9 @@ def report(
         elif path.stem == SUCCESS:
             title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
             print(title_and_rows + "\n")
-    print("\n".join([*made.answer, "", f"{len(made.written)} tables on the page {made.page}"]))
+    tables_written = count_of(len(made.written), "table")
+    print("\n".join([*made.answer, "", f"wrote {tables_written} to {place.absolute()}"]))
+    print(f"page: {made.page.absolute()}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -178,7 +181,7 @@ def verify(
         for one in found:
             print(
                 f"{one.verdict}: {one.fit} {one.evaluation}: {one.stored} of {one.episodes} stored,"
-                f" {one.again} again, {one.differ} episodes differ"
+                f" {one.again} again, {count_of(one.differ, 'differing episode')}"
             )
     if any(one.verdict == OUTSIDE for one in found):
         raise typer.Exit(SOME_FAILED)

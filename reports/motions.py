@@ -155,14 +155,20 @@ def table(results: Results) -> pd.DataFrame:
     Columns: those of `motions`; ``row`` the method, ``column`` the task, ``value`` as ``tracked``,
     ``start``, ``success``, ``seeds`` and ``n``, which are 1; and over all joints that turn the mean
     ``prediction error`` |predicted - demonstrated| and ``tracking error`` |tracked - predicted|.
+
+    Raises:
+        InputError: none of the motions can be replayed.
     """
-    parts = []
+    parts: list[pd.DataFrame] = []
+    rows: list[dict[str, Any]] = []
     if isinstance(results.source, StoredResults):
         found = results.main(split="test")
         found = found[found.method != EXPERT].sort_values("seed", kind="stable")
         for _, of_task in found.groupby("task", sort=False):
             rows = of_task.drop_duplicates("method").to_dict("records")
             parts += _of_task(results, rows)
+    if rows and not parts:
+        raise InputError("no motion can be replayed; the lines above say why")
     empty = pd.DataFrame(columns=["row", "column", "value"])
     return in_order(pd.concat(parts), METHODS) if parts else empty
 

@@ -3,6 +3,7 @@
 Nothing in a file is executed: no pickle.
 """
 
+import sys
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, Starts, real
 from tasks.demos import record, save_demos
 from tasks.errors import InputError
-from tasks.files import new_path
+from tasks.files import new_path, path_of
 from tasks.simulator import Simulator
 
 REQUIRED, OPTIONAL = ("actions", "starts"), ("states",)
@@ -41,7 +42,7 @@ class Replayed:
             InputError: no episode succeeds, something is there already, or its folder cannot be
                 written to.
         """
-        path = new_path(Path(file))
+        path = new_path(path_of("file", file))
         if not len(self.demos):
             raise InputError(f"no episode succeeds on replay, so nothing is written to {path}")
         save_demos(self.demos, path)
@@ -94,12 +95,14 @@ def replay_arrays(
 
 
 def read_arrays(file: Path) -> dict[str, FloatArray]:
-    """Returns the arrays of an ``.npz`` file that `replay_arrays` takes.
+    """Returns the arrays of an ``.npz`` file that `replay_arrays` takes; stderr names others.
 
     Raises:
         InputError: it does not exist, is no such file, lacks an array, or holds one of Python
             objects, which would have to be unpickled.
     """
+    if file.suffix != ".npz":
+        raise InputError(f"{file} must end in .npz: an archive as numpy.savez writes it is read")
     if not file.is_file():
         raise InputError(f"{file} does not exist: name an .npz file, as numpy.savez writes it")
     try:
@@ -114,7 +117,12 @@ def read_arrays(file: Path) -> dict[str, FloatArray]:
                     f" {' and '.join(REQUIRED)}, and perhaps {' and '.join(OPTIONAL)};"
                     f" it holds {', '.join(names) or 'no arrays by name'}"
                 )
-            return {name: found[name] for name in (*REQUIRED, *OPTIONAL) if name in names}
+            known = (*REQUIRED, *OPTIONAL)
+            left = [name for name in names if name not in known]
+            if left:
+                said = f"{file}: not read: {', '.join(left)}; arrays read are {', '.join(known)}"
+                print(said, file=sys.stderr)
+            return {name: found[name] for name in known if name in names}
     except InputError:
         raise
     except _UNREADABLE as error:
@@ -131,7 +139,9 @@ def _checked(task: Task, given: Mapping[str, ArrayLike]) -> dict[str, FloatArray
     arrays = {name: real(f"{name} of {task.name}", values) for name, values in given.items()}
     for name, array in arrays.items():
         axes, shape = wanted[name]
-        if array.shape[1:] != shape or not array.ndim or not len(array):
+        if array.ndim and not len(array):
+            raise InputError(f"{name} of {task.name} holds no episodes: give one at least")
+        if array.shape[1:] != shape or not array.ndim:
             sizes = ", ".join(map(str, shape))
             raise InputError(
                 f"{name} of {task.name} must have shape (N, {axes}) = (N, {sizes}), got"

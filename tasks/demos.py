@@ -21,6 +21,7 @@ from tasks.experts import load_expert
 from tasks.files import labels_of, to_bytes, whole_file, writable_folder
 from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
+from tasks.words import count_of
 
 TRAINING = 200
 VALIDATION = 50
@@ -148,9 +149,10 @@ def collect(
         found.append(demos)
         if 10 * success.sum() < len(success):
             raise InputError(
-                f"{who} succeeded in {success.sum()} of {len(success)} episodes of {task.name},"
-                " fewer than one in ten, which is too few to learn from; actions are set-points in"
-                f" [-1, 1], and `bench describe {task.name}` says when an episode succeeds"
+                f"{who} succeeded in {success.sum()} of {count_of(len(success), 'episode')} of"
+                f" {task.name}, fewer than one in ten, which is too few to learn from; actions are"
+                f" set-points in [-1, 1], and `bench describe {task.name}` says when an episode"
+                " succeeds"
             )
     return success, _join(found)[:n]
 
@@ -268,7 +270,9 @@ def _check_for(task: Task, demos: Demos, file: Path) -> None:
                 f" {getattr(demos, name).shape[1:]}"
             )
     if not all(map(len, split(demos))):
-        raise InputError(f"{file} holds {len(demos)} demonstrations, too few to keep some back")
+        raise InputError(
+            f"{file} holds {count_of(len(demos), 'demonstration')}, too few to keep some back"
+        )
     try:
         task.check_starts(demos.starts)
     except InputError as error:

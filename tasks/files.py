@@ -73,6 +73,21 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
+def path_of(what: str, given: str | os.PathLike[str]) -> Path:
+    """Returns the path that a caller in Python names.
+
+    Args:
+        what: is named, for the message: ``"folder"``.
+        given: the path; an empty text would mean the current folder.
+
+    Raises:
+        InputError: it is empty, or no path at all.
+    """
+    if not (isinstance(given, str | os.PathLike) and os.fspath(given)):
+        raise InputError(f"{what} must be a path, such as 'results/mine', got {given!r}")
+    return Path(given)
+
+
 # Before the work whose results are to be written
 def writable_folder(folder: Path, cure: str = "choose another place") -> Path:
     """Returns a folder that can be written to, or made. Makes nothing.

@@ -273,6 +273,14 @@ def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
     assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")
 
 
+def test_status_tells_of_one_try_and_of_several(bench, tmp_path):
+    store = ResultsWriter(tmp_path)
+    store.ask_for([])
+    for said in ("failed (1 try): door-nn-s1: why", "failed (2 tries): door-nn-s1: why"):
+        store.add_failure("door-nn-s1", "why", "")
+        assert said in bench("status", str(tmp_path))[1]
+
+
 OUTPUTS = {
     "run": ("run", "smoke", "--out", "OUT"),
     "plan": ("plan", "smoke", "--out", "OUT"),
@@ -312,6 +320,27 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     assert (tmp_path / "file").read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("run", "smoke", "--out", ""), "--out"),
+        (("run", "smoke", "--out="), "--out"),
+        (("report", "--reference", "--export", ""), "--export"),
+        (("new-method", "mine", "--folder", ""), "--folder"),
+        (("status", ""), "status"),
+    ],
+    ids=" ".join,
+)
+def test_an_empty_path_is_refused_and_is_not_the_current_folder(
+    bench, tmp_path, monkeypatch, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    code, out, error = bench(*words)
+    assert (code, out) == (2, "")
+    assert error.startswith(f"bench: the text after {named} is empty")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_doctor_says_what_cannot_be_written_to(bench, tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "file"))
@@ -342,6 +371,16 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
         )
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "old"
+
+
+def test_a_report_of_the_shipped_results_says_in_full_where_it_wrote(bench, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = Report([], {}, [], Path("report/index.html"))
+    monkeypatch.setattr("reports.write.write_report", lambda *arguments: made)
+    code, said, _ = bench("report", "--reference")
+    assert code == 0
+    assert f"wrote 0 tables to {tmp_path / 'report'}\n" in said
+    assert f"page: {tmp_path / 'report/index.html'}\n" in said
 
 
 def test_the_shipped_results_can_be_compared(bench):

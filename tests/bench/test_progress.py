@@ -203,6 +203,20 @@ class TestRuns:
                 json.loads(stdout)
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("command", ["run", "plan"])
+@pytest.mark.parametrize(
+    "wrong", [("--set", "kodex.epoch=3"), ("--sizes", "huge"), ("--methods", "mine")], ids=" ".join
+)
+def test_what_is_wrong_is_refused_before_results_are_looked_at(
+    task, smoke, bench, tmp_path, monkeypatch, command, wrong
+):
+    monkeypatch.setattr(doing_module, "MOMENT", 0.0)
+    monkeypatch.setattr(doing_module, "EVERY", 0.0)
+    code, _, error = bench(command, "smoke", "--out", str(tmp_path / "new"), *wrong)
+    assert (code, "unknown " in error, "missing" in error) == (2, True, False)
+
+
 def test_what_ends_in_a_moment_says_nothing(capsys, monkeypatch):
     monkeypatch.setattr(doing_module, "MOMENT", 60.0)
     with doing("blinking"):

@@ -349,7 +349,9 @@ class TestInProcess:
         titles = [line for line in said.splitlines() if line.startswith("## ")]
         assert titles == ["## Success on unseen starts"]
         assert "Door: KODex alone has run, " in said
-        assert said.endswith(f"tables on the page {tmp_path / 'report/index.html'}\n")
+        assert said.endswith(
+            f" tables to {tmp_path / 'report'}\npage: {tmp_path / 'report/index.html'}\n"
+        )
         assert "numbers mean nothing" in said
         said = bench("report", str(tmp_path), "--tables")[1]
         assert "## Table 1: success of KODex on the validation starts" in said

@@ -159,6 +159,19 @@ class TestMotions:
         assert {f"{name}.{kind}" for name in names for kind in ("svg", "csv")} <= set(once)
         assert written() == once
 
+    def test_a_report_whose_motions_all_fail_names_them_and_ends_with_exit_code_3(
+        self, bench, results, monkeypatch, tmp_path
+    ):
+        def refuse(*arguments):
+            raise InputError("the fit cannot be loaded")
+
+        monkeypatch.setattr("reports.motions._motions", refuse)
+        code, _, error = bench("report", str(results), "--out", str(tmp_path / "report"))
+        assert code == 3
+        assert "no motion of kodex on relocation: the fit cannot be loaded" in error
+        assert "left out: Predicted and tracked motions: InputError: no motion can be" in error
+        assert (tmp_path / "report/tables/unseen.md").exists()
+
     def test_packed_results_have_none(self, bench, task, results, tmp_path):
         packed = tmp_path / "packed"
         assert bench("pack", str(results), "--out", str(packed))[0] == 0
