@@ -218,7 +218,8 @@ def plan(
         demos=demos,
         settings=settings,
     )
-    writable_folder(out)
+    if not out.is_dir():
+        writable_folder(out)
     count = count_jobs(jobs)
     with doing("listing what is missing"):
         made = make_plan(study, out, count)
