@@ -33,9 +33,9 @@ def train(
 ) -> None:
     """Train an expert by reinforcement learning. Rerun the same command to resume."""
     from tasks.demos import writable_cache
+    from tasks.expert_training import train as train_expert
+    from tasks.expert_training import write_expert
     from tasks.recipes import RECIPES
-    from tasks.training import train as train_expert
-    from tasks.training import write_expert
 
     chosen = get_task(task)
     folder = writable_folder(folder) if folder else writable_cache(f"experts/{task}")
@@ -118,7 +118,7 @@ def probe(
     if folder is None:
         expert = load_expert(chosen).policy
     else:
-        from tasks.training import expert_weights, read_checkpoint
+        from tasks.checkpoints import expert_weights, read_checkpoint
 
         expert = Expert(expert_weights(read_checkpoint(folder)[0]))
     with doing(f"probing the expert of {task}"):
