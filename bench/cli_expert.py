@@ -32,7 +32,7 @@ def train(
     threads: Annotated[int, number(1, "Threads of the simulator.")] = 2,
 ) -> None:
     """Train an expert by reinforcement learning. Rerun the same command to resume."""
-    from tasks.demos import writable_cache
+    from tasks.cache import writable_cache
     from tasks.expert_training import train as train_expert
     from tasks.expert_training import write_expert
     from tasks.recipes import RECIPES

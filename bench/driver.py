@@ -38,10 +38,11 @@ from methods.base import Method
 from methods.description import stand_in
 from methods.registry import introduced
 from tasks.data import Demos, Starts
-from tasks.demos import TRAINING, demos_path, load_demos, record, split
+from tasks.demos import TRAINING, demos_path, load_demos, split
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
+from tasks.recorder import record
 from tasks.registry import get_task
 from tasks.simulator import CHUNK
 

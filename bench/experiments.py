@@ -18,7 +18,8 @@ from methods.base import ActionMethod, Method
 from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import SUITE, get_method
-from tasks.demos import adopt_demos, demos_key, load_demos, split, task_of
+from tasks.demos import adopt_demos, demos_key, load_demos, split
+from tasks.demos_files import task_of
 from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL, PHYSICS, READINGS, VARIATIONS
 from tasks.registry import APPENDIX, JUDGED_OTHERWISE, PUBLISHED, get_task

@@ -71,13 +71,20 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
         return _INTRODUCED[name]
     if name not in method_names():
         raise unknown_method(name)
-    if (name, variant) in _VARIANTS:
-        module, class_name = _VARIANTS[name, variant]
-        found = getattr(import_module(f"methods.{module}"), class_name)
-    elif name in _CLASSES:
-        found = getattr(import_module(f"methods.{name}"), _CLASSES[name])
-    else:
-        found = _load(*_brought()[name])
+    if name in _CLASSES:
+        return variant_class(_imported(name, _CLASSES[name]), variant)
+    return _load(*_brought()[name])
+
+
+def variant_class(method: type[Method], variant: str) -> type[Method]:
+    """Returns the class of a method's variant, which is the method itself but for `_VARIANTS`."""
+    own = method.__module__ == f"methods.{method.name}"
+    place = _VARIANTS.get((method.name, variant)) if own else None
+    return _imported(*place) if place else method
+
+
+def _imported(module: str, class_name: str) -> type[Method]:
+    found: type[Method] = getattr(import_module(f"methods.{module}"), class_name)
     return found
 
 
@@ -135,7 +142,7 @@ def _load(point: EntryPoint) -> type[Method]:
     try:
         with guarded("import", point.name):
             found = point.load()
-            fault = _class_fault(found, point.name)
+            fault = class_fault(found, point.name)
     except BaseException as error:  # whatever a module raises: it may call sys.exit
         raise MethodError(f"{place} cannot be imported: {described(error)}; {cure}") from error
     if fault:
@@ -143,8 +150,8 @@ def _load(point: EntryPoint) -> type[Method]:
     return found
 
 
-def _class_fault(found: object, name: str) -> str:
-    """Why something is not the class of a method of that name, if it is not."""
+def class_fault(found: object, name: str) -> str:
+    """Returns why an object is not the class of a method of that name, or an empty text."""
     kinds = (MotionMethod, ActionMethod)
     if not (isinstance(found, type) and issubclass(found, kinds)):
         return (

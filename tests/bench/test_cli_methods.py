@@ -133,10 +133,10 @@ def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkey
 
 
 def test_check_says_how_many_rules_hold_and_which(bench):
-    code, said, _ = bench("check", "kodex")
+    code, said, _ = bench("check", "nn")
     assert code == 0
-    assert said.startswith("kodex: 17 of 17 rules hold, ")
-    assert "ok     described, unfitted_raises, fits, answers, finite, begins_at_the_start" in said
+    assert said.startswith("nn: 17 of 17 rules hold for each of 2 variants, ")
+    assert "ok     declared, unfitted_raises, fits, answers, finite, begins_at_the_start" in said
 
 
 @pytest.fixture
@@ -183,7 +183,7 @@ def test_check_names_what_is_broken_once_with_its_line(bench, package):
     assert "not tried: 14 rules (needs fits)" in said
     code, said, _ = bench("check", "altered", "--json")
     assert [one["rule"] for one in json.loads(said) if one["tried"]] == [
-        *("described", "unfitted_raises", "fits")
+        *("declared", "unfitted_raises", "fits")
     ]
 
 

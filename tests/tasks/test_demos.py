@@ -1,13 +1,17 @@
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from safetensors.numpy import save
 
 from tasks import demos, experts
+from tasks.cache import cache_folder
 from tasks.data import Demos, UnclippedDemos, key
+from tasks.demos_files import save_demos, task_of
 from tasks.errors import InputError
+from tasks.recorder import Recorder, make_demos, record
 from tasks.registry import get_task
 from tasks.simulator import Simulator, rollout
 
@@ -56,7 +60,7 @@ def test_demonstrations_are_the_first_successes_of_the_expert(task, shipped):
 
 def test_raw_actions_are_the_clipped_ones_before_clipping(task, shipped):
     starts, expert = task.sample("demo", 5), experts.load_expert(task).policy
-    (_, clipped), (_, raw) = (demos.record(task, starts, expert, raw=raw) for raw in (False, True))
+    (_, clipped), (_, raw) = (record(task, starts, expert, raw=raw) for raw in (False, True))
     np.testing.assert_array_equal(np.clip(raw.actions, -1, 1), clipped.actions)
     np.testing.assert_array_equal(raw.states, clipped.states)
     assert np.abs(raw.actions).max() > 1
@@ -85,7 +89,7 @@ def test_the_cache_holds_the_same_bytes_as_a_new_making(task, shipped):
     path.unlink()
     demos.load_demos(task)
     assert path.read_bytes() == data
-    part = demos.make_demos(task, experts.load_expert(task).policy, 3, threads=1)
+    part = make_demos(task, experts.load_expert(task).policy, 3, threads=1)
     np.testing.assert_array_equal(part.states, first[:3].states)
 
 
@@ -126,8 +130,8 @@ def test_demonstrations_without_their_digest_are_made_anew(task, shipped, capsys
 def test_files_that_differ_in_their_ending_alone_are_both_read(task, shipped, tmp_path):
     made = demos.load_demos(task)
     files = [tmp_path / name for name in ("mine.human", "mine.cloned")]
-    demos.save_demos(made[:5], files[0])
-    demos.save_demos(made, files[1])
+    save_demos(made[:5], files[0])
+    save_demos(made, files[1])
     found = [demos.load_demos(task, demos.adopt_demos(task, file)) for file in files]
     assert list(map(len, found)) == [5, 8]
 
@@ -162,18 +166,18 @@ def test_a_file_in_single_precision_is_learnt_from_in_double(task, shipped, tmp_
 def test_the_key_of_a_file_is_that_of_its_arrays(task, shipped, tmp_path):
     """Files of earlier versions, which do not name their task, keep their results."""
     made = demos.load_demos(task)
-    demos.save_demos(made, tmp_path / "mine")
+    save_demos(made, tmp_path / "mine")
     write_file(tmp_path / "nameless", made)
     digest = hashlib.sha256((tmp_path / "nameless").read_bytes()).hexdigest()
-    assert demos.task_of(tmp_path / "mine") == "door"
-    assert demos.task_of(tmp_path / "nameless") == ""
+    assert task_of(tmp_path / "mine") == "door"
+    assert task_of(tmp_path / "nameless") == ""
     for name in ("mine", "nameless"):
         assert demos.adopt_demos(task, tmp_path / name) == key("demos file", digest)
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_a_file_of_another_task_is_refused_by_its_name(task, shipped, tmp_path):
-    demos.save_demos(demos.load_demos(task), tmp_path / "mine")
+    save_demos(demos.load_demos(task), tmp_path / "mine")
     with pytest.raises(InputError, match=r"mine holds demonstrations of door, not of relocation"):
         demos.read_demos(get_task("relocation"), tmp_path / "mine")
 
@@ -189,7 +193,7 @@ def test_a_file_of_another_task_is_refused_by_its_name(task, shipped, tmp_path):
         ("start_values", lambda a: a + 100, "allowed is"),
         ("velocities", lambda a: a[:, :-1], "got shapes"),
         ("states", lambda a: a[..., :-1], "in each demonstration, got"),
-        ("actions", lambda a: None, "holds no demonstrations: it lacks actions; such a file"),
+        ("actions", lambda a: None, "does not hold demonstrations: it lacks actions; such a file"),
     ],
 )
 def test_what_a_file_must_not_hold_is_refused_with_its_name(
@@ -249,9 +253,9 @@ def test_a_user_without_a_home_is_told_of_the_cache(monkeypatch):
 
     for name in ("BENCH_CACHE", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(demos.Path, "home", homeless)
+    monkeypatch.setattr(Path, "home", homeless)
     with pytest.raises(InputError, match=r"no home folder .* BENCH_CACHE"):
-        demos.cache_folder()
+        cache_folder()
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -259,14 +263,14 @@ def test_demonstrations_that_cannot_be_written_leave_nothing(task, shipped, tmp_
     made = demos.load_demos(task)
     monkeypatch.setattr("tasks.files.os.fsync", refuse)
     with pytest.raises(PermissionError):
-        demos.save_demos(made, tmp_path / "new" / "mine")
+        save_demos(made, tmp_path / "new" / "mine")
     assert not (tmp_path / "new").exists()
 
 
 def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):
     monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
     with pytest.raises(InputError, match=r"succeeded in 0 of \d+ episodes"):
-        demos.make_demos(task, experts.load_expert(task).policy, 2)
+        make_demos(task, experts.load_expert(task).policy, 2)
 
 
 def test_other_weights_are_other_demonstrations(task, shipped, tmp_path):
@@ -296,5 +300,5 @@ def test_recording_changes_nothing(task, shipped):
     policy = experts.load_expert(task).policy
     starts = task.sample("demo", 4)
     plain = rollout(task, starts, policy)
-    recorded = rollout(task, starts, demos.Recorder(policy))
+    recorded = rollout(task, starts, Recorder(policy))
     np.testing.assert_array_equal(plain.readings, recorded.readings)

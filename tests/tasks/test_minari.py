@@ -218,7 +218,7 @@ def test_an_environment_named_in_the_metadata_is_not_built(short, exported):
 
 
 def test_a_folder_without_a_data_set_is_refused(short, tmp_path):
-    with pytest.raises(InputError, match="no Minari data set"):
+    with pytest.raises(InputError, match="not a Minari data set"):
         import_demos(short, tmp_path)
 
 
@@ -255,7 +255,7 @@ def test_a_task_whose_format_is_not_known_is_refused(
     short, recorded, exported, tmp_path, monkeypatch
 ):
     monkeypatch.delitem(PLACED, "door")
-    with pytest.raises(InputError, match="no Minari format is known for 'door', but for tool"):
+    with pytest.raises(InputError, match="no Minari format is known for 'door': choose from tool"):
         export_demos(short, recorded, tmp_path / "new")
     assert not (tmp_path / "new").exists()
     with pytest.raises(InputError, match="no Minari format is known for 'door'"):
