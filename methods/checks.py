@@ -83,13 +83,14 @@ def check(method: type[Method]) -> Iterator[RuleResult]:
     yield whole
     if whole.passed:
         for subject in subjects(method):
-            yield from _check_variant(subject)
+            yield from check_variant(subject)
     else:
         for name in VARIANT_RULES:
             yield RuleResult(name, None, False, f"needs {DECLARED}", 0.0, tried=False)
 
 
-def _check_variant(subject: Subject) -> Iterator[RuleResult]:
+def check_variant(subject: Subject) -> Iterator[RuleResult]:
+    """Yields the result of each rule but `declared` on one variant, see `check`."""
     reasons: dict[str, str] = {}
     """For each rule that does not hold: the message of a rule that needs it."""
     first: dict[str, str] = {}
