@@ -19,6 +19,11 @@ Parameters = dict[str, NDArray[Any]]
 """What a fit has learnt, as arrays by name. Nothing else of the fit is stored."""
 
 
+def config_of(method: "type[Method]", size: str, variant: str) -> Any:
+    """Returns the config of a method's size, with the fields that a variant sets."""
+    return replace(method.sizes[size], **method.variants[variant])
+
+
 def shortened(config: Any, epochs: int) -> Any:
     """Returns a config with its field ``epochs``, if it has one, limited to ``epochs``."""
     if "epochs" in {field.name for field in fields(config)}:

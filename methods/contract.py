@@ -166,11 +166,11 @@ def _arrays(demos: Demos) -> list[bytes]:
 def stored(fit: Method, values: Mapping[str, Any], layout: Layout) -> Learnt:
     """Stores what a fitted method has learnt, see `learn`."""
     with _calling("parameters"):
-        parameters = _stored(fit.parameters(), "parameters")
+        parameters = checked_bytes(fit.parameters(), "parameters")
     if not from_bytes(parameters):
         raise ContractError("parameters() is empty: load would have nothing to restore")
     with _calling("diagnostics"):
-        diagnostics = _stored(fit.diagnostics(), "diagnostics")
+        diagnostics = checked_bytes(fit.diagnostics(), "diagnostics")
     return Learnt(parameters, diagnostics, loaded(type(fit), values, layout, parameters))
 
 
@@ -188,7 +188,16 @@ def loaded(
     return again
 
 
-def _stored(arrays: Any, what: str) -> bytes:
+def checked_bytes(arrays: Any, what: str) -> bytes:
+    """Returns a method's arrays by name as bytes, which `tasks.files.from_bytes` reads.
+
+    Args:
+        arrays: whatever the method returned.
+        what: the name of its function, for the error message.
+
+    Raises:
+        ContractError: it is not a dictionary of arrays that can be stored.
+    """
     if not isinstance(arrays, Mapping):
         raise ContractError(f"{what}() must return arrays by name, got {_shown(arrays)}")
     for name, array in arrays.items():

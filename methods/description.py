@@ -5,11 +5,11 @@ method, and a stand-in with the same sizes and variants takes its place.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass
 from types import NoneType, UnionType
 from typing import Any, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.base import ActionMethod, Method, MotionMethod, config_of, fits_together
 from methods.contract import ContractError, from_json, resolved
 
 _PLAIN = (bool, int, float, str, NoneType)
@@ -54,6 +54,7 @@ def describe_method(method: type[Method]) -> Description:
     for size, config in method.sizes.items():
         for variant, changes in method.variants.items():
             _check_config(size, config, variant, changes)
+            _check_epochs(resolved(config_of(method, size, variant)))
     (kind,) = kinds
     declared = get_type_hints(kind)
     return Description(
@@ -71,7 +72,7 @@ def describe_method(method: type[Method]) -> Description:
 
 
 def _check_config(size: str, config: Any, variant: str, changes: Mapping[str, Any]) -> None:
-    """Raises ContractError unless a size's config can be stored with a variant's changes."""
+    """Raises ContractError unless a config is a frozen dataclass with the fields of a variant."""
     frozen = is_dataclass(config) and type(config).__setattr__ is not object.__setattr__
     if not frozen:
         raise ContractError(f"the config of size {size!r} is not a frozen dataclass")
@@ -79,7 +80,10 @@ def _check_config(size: str, config: Any, variant: str, changes: Mapping[str, An
     if unknown:
         listed = ", ".join(map(repr, unknown))
         raise ContractError(f"variant {variant!r} sets {listed}, which size {size!r} lacks")
-    epochs = resolved(replace(config, **changes)).get("epochs", 1)
+
+
+def _check_epochs(values: Mapping[str, Any]) -> None:
+    epochs = values.get("epochs", 1)
     if type(epochs) is not int or epochs < 1:
         raise ContractError(f"a field called epochs is a whole number from 1, got {epochs!r}")
 

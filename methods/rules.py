@@ -4,11 +4,16 @@ A rule raises `RuleBrokenError` with the reason. `declared` checks a class as a 
 rule one variant of it. `methods.checks` runs them.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
-from methods.base import ActionMethod, Method, MotionMethod, NotFittedError, fits_together
+from methods.base import (
+    ActionMethod,
+    Method,
+    MotionMethod,
+    NotFittedError,
+    config_of,
+    fits_together,
+)
 from methods.contract import build, resolved
 from methods.description import describe_method
 from methods.guard import guarded
@@ -21,7 +26,7 @@ from tasks.data import BoolArray, FloatArray
 MORE_EPOCHS = (20, 80)
 """Upper bounds of ``epochs`` that are tried in turn if fewer do not show that a method learns."""
 TOLERANCE = 1e-3
-"""Largest difference between answers that should be equal but for rounding."""
+"""Largest difference between answers that should be equal except for rounding."""
 
 
 class RuleBrokenError(AssertionError):
@@ -42,9 +47,9 @@ def declared(method: type[Method]) -> None:
         check_method_name(method.name)
     describe_method(method)
     for subject in subjects(method):
-        changes = subject.method.variants[subject.variant]
-        for config in subject.method.sizes.values():
-            build(subject.method, resolved(replace(config, **changes)), LAYOUT)
+        for size in subject.method.sizes:
+            config = config_of(subject.method, size, subject.variant)
+            build(subject.method, resolved(config), LAYOUT)
     for task, size in method.default_size.items():
         _require(size in method.sizes, f"default_size of {task!r} is {size!r}, not among sizes")
 

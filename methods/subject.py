@@ -4,11 +4,11 @@ A variant is built, fitted, stored and loaded by `methods.contract`, as in a run
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from methods.base import Method, shortened
+from methods.base import Method, config_of, shortened
 from methods.contract import Learnt, build, fitted, loaded, resolved, stored
 from methods.guard import guarded
 from methods.registry import variant_class
@@ -41,8 +41,8 @@ class Subject:
 
     def values(self, epochs: int = EPOCHS) -> dict[str, Any]:
         """Returns the config's values, with at most so many ``epochs``."""
-        smallest = next(iter(self.method.sizes.values()))
-        config = replace(smallest, **self.method.variants[self.variant])
+        smallest = next(iter(self.method.sizes))
+        config = config_of(self.method, smallest, self.variant)
         return resolved(shortened(config, epochs))
 
     def build(self) -> Method:

@@ -94,7 +94,7 @@ class Simulator:
         rows = np.flatnonzero(self.running)
         with _quiet():
             self.batch.step(rows, nstep=SUBSTEPS)
-        self._mark_diverged()
+        self.mark_diverged()
         self.refresh(rows)
 
     def state(self) -> FloatArray:
@@ -120,7 +120,7 @@ class Simulator:
             self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS)
         self._disableflags &= ~_KINEMATICS_ONLY
 
-    def _mark_diverged(self) -> None:
+    def mark_diverged(self) -> None:
         """Marks episodes with a MuJoCo warning, or a state that causes one in the next step."""
         warned = self.batch.warning[:, :, 1].any(axis=1)
         moving = np.concatenate([self.batch.qpos, self.batch.qvel], axis=1)

@@ -187,6 +187,22 @@ def test_check_names_what_is_broken_once_with_its_line(bench, package):
     ]
 
 
+def test_check_names_the_variant_that_breaks_a_rule(bench, package):
+    package(
+        "variants = {'described': {}, 'second': {'observables': 2}}\n"
+        "def fit(self, demos, validation, seed):\n"
+        "    assert self.config.observables == 1\n"
+        "    super().fit(demos, validation, seed)\n"
+    )
+    code, said, _ = bench("check", "altered")
+    assert code == 3
+    assert said.startswith("altered: 2 of 17 rules hold for each of 2 variants, ")
+    assert "BROKEN fits (second): fit raised AssertionError (altered.py:" in said
+    assert "not tried: 14 rules (needs fits)" in said
+    rows = json.loads(bench("check", "altered", "--json")[1])
+    assert all(row["passed"] for row in rows if row["variant"] == "described")
+
+
 def test_what_a_method_prints_is_counted_and_begins_to_be_shown(bench, package):
     package(
         "def rollout(self, start, steps):\n"

@@ -9,8 +9,8 @@ import torch
 from methods.contract import (
     MAX_BYTES,
     ContractError,
-    _stored,
     actions,
+    checked_bytes,
     from_json,
     learn,
     motion,
@@ -39,7 +39,7 @@ SOUND = {
 
 @pytest.mark.parametrize("name", SOUND)
 def test_stored_arrays_are_loaded_as_writable_copies(name):
-    (found,) = from_bytes(_stored({name: SOUND[name]}, "parameters")).values()
+    (found,) = from_bytes(checked_bytes({name: SOUND[name]}, "parameters")).values()
     assert found.shape == SOUND[name].shape
     assert found.dtype.kind == SOUND[name].dtype.kind
     np.testing.assert_array_equal(found, SOUND[name])
@@ -67,7 +67,7 @@ def test_stored_arrays_are_loaded_as_writable_copies(name):
 )
 def test_parameters_that_cannot_be_stored_are_refused(arrays, reason):
     with pytest.raises(ContractError, match=r"^parameters") as refused:
-        _stored(arrays, "parameters")
+        checked_bytes(arrays, "parameters")
     assert reason in str(refused.value)
 
 

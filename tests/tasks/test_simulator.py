@@ -138,7 +138,7 @@ def test_a_state_that_the_next_step_would_warn_about_diverges(task):
     simulator = Simulator(task, task.sample("test", 3))
     simulator.step(np.zeros((3, task.layout.action_dim)))
     simulator.batch.qpos[1, 5] = np.nan
-    simulator._mark_diverged()
+    simulator.mark_diverged()
     np.testing.assert_array_equal(simulator.diverged, [False, True, False])
 
 
