@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-    from bench.driver import Outcome
     from bench.opened import Opened
     from bench.presets import Study
+    from bench.runner import Outcome
     from bench.studies import Options
     from tasks.arrays import Replayed
     from tasks.data import Demos
@@ -50,12 +50,13 @@ def run(
             writes to the folder.
     """
     from bench.backend import Workers
-    from bench.driver import count_jobs
+    from bench.cores import count_jobs
     from bench.driver import run as run_study
     from bench.studies import study_of
+    from tasks.files import path_of
 
     where = Workers(count_jobs(jobs), backend, scheduler)
-    return run_study(study_of(study, **options), Path(folder), where)
+    return run_study(study_of(study, **options), path_of("folder", folder), where)
 
 
 def open(folder: str | Path | None = None) -> Opened:
@@ -65,7 +66,7 @@ def open(folder: str | Path | None = None) -> Opened:
         folder: of `bench run` or `bench pack`. Default: the shipped results.
 
     Raises:
-        InputError: the folder holds no results.
+        InputError: the folder holds no results, or is no path.
     """
     from bench.opened import Opened
 
@@ -99,10 +100,12 @@ def demos(task: str, file: str | Path | None = None) -> tuple[Demos, Demos]:
         InputError: there is no such task, or the file holds no demonstrations of it.
     """
     from tasks.demos import load_demos, read_demos, split
+    from tasks.files import path_of
     from tasks.registry import get_task
 
     chosen = get_task(task)
-    return split(load_demos(chosen) if file is None else read_demos(chosen, Path(file)))
+    found = load_demos(chosen) if file is None else read_demos(chosen, path_of("file", file))
+    return split(found)
 
 
 def demos_from_arrays(

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 
 from bench.backend import Call
-from bench.experiments import every_fit
+from bench.fits import every_fit
 from bench.presets import Study
 from methods.description import Description, describe_method
 from methods.registry import SUITE, get_method

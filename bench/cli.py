@@ -3,6 +3,7 @@
 import io
 import os
 import sys
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Annotated
 
@@ -70,6 +71,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         _check_folder()
+        _check_arguments(sys.argv[1:])
         app()
     except InputError as error:
         print(f"bench: {error}", file=sys.stderr)
@@ -80,6 +82,18 @@ def main() -> None:
         extra = EXTRAS[error.name]
         print(f"bench: {error}: pip install -e '.[{extra}]' in a clone", file=sys.stderr)
         sys.exit(USAGE_ERROR)
+
+
+def _check_arguments(given: Sequence[str]) -> None:
+    """Raises InputError if a text is empty, which as a path would mean the current folder."""
+    for before, text in zip(["bench", *given], given, strict=False):
+        option, equals, value = text.partition("=")
+        long = equals and option.startswith("--")
+        if not (value if long else text):
+            raise InputError(
+                f"the text after {option if long else before} is empty: give a value; the current"
+                " folder is written as ."
+            )
 
 
 def _check_folder() -> None:

@@ -11,6 +11,7 @@ from bench.options import SOME_FAILED, TaskName, number
 from bench.parsing import known_names
 from tasks.files import new_path
 from tasks.registry import TASKS, get_task
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from tasks.arrays import Replayed
@@ -57,9 +58,9 @@ def export_set(task: TaskName, folder: Folder) -> None:
     new_path(folder)
     with doing(f"recording the expert's demonstrations of {task}"):
         demos = load_demos(chosen)
-        say(f"writing {len(demos)} demonstrations")
+        say(f"writing {count_of(len(demos), 'demonstration')}")
         export_demos(chosen, demos, folder)
-    print(f"wrote {len(demos)} demonstrations of {task} to {folder}")
+    print(f"wrote {count_of(len(demos), 'demonstration')} of {task} to {folder}")
 
 
 @app.command()
@@ -87,9 +88,9 @@ def record(
     success, demos = record_policy(
         task, policy, count, lambda line: print(line, file=sys.stderr, flush=True)
     )
-    print(f"{task}: {policy} succeeds from {success.sum()} of {len(success)} starts")
+    print(f"{task}: {policy} succeeds from {success.sum()} of {count_of(len(success), 'start')}")
     save_demos(demos, out)
-    print(f"wrote {len(demos)} demonstrations to {out}")
+    print(f"wrote {count_of(len(demos), 'demonstration')} to {out}")
 
 
 @app.command("from-arrays")
@@ -138,7 +139,7 @@ def verify(task: TaskName, folder: Folder) -> None:
 
 def _print_replay(task: str, success: "BoolArray") -> None:
     failed = [str(episode) for episode in (~success).nonzero()[0]]
-    print(f"{task}: {success.sum()} of {len(success)} episodes succeed on replay")
+    print(f"{task}: {success.sum()} of {count_of(len(success), 'episode')} successful on replay")
     if failed:
         print(f"episodes that fail: {', '.join(failed)}")
 
@@ -149,4 +150,4 @@ def _keep(task: str, replayed: "Replayed", out: Path) -> None:
     if replayed.drift is not None:
         print(f"given states differ from those of the replay by at most {replayed.drift:.2g}")
     replayed.save(out)
-    print(f"wrote {len(replayed.demos)} demonstrations to {out}")
+    print(f"wrote {count_of(len(replayed.demos), 'demonstration')} to {out}")

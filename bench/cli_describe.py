@@ -10,6 +10,7 @@ from rich.table import Table
 
 from bench.options import AsJson
 from tasks.registry import TASKS
+from tasks.words import count_of
 
 
 def list_names(as_json: AsJson = False) -> None:
@@ -121,7 +122,8 @@ def _print_preset(facts: dict[str, Any]) -> None:
     episodes = facts["episodes"].items()
     rows = [{"experiment": name, "episodes of each evaluation": count} for name, count in episodes]
     _print_table("experiments", rows)
-    print("{fits} fits, {evaluations} evaluations, {episodes_in_all:,} episodes".format(**facts))
+    counts = {"fit": "fits", "evaluation": "evaluations", "episode": "episodes_in_all"}
+    print(", ".join(count_of(facts[name], noun) for noun, name in counts.items()))
     print(f"{facts['note']} What it costs here: bench plan {facts['name']} --out DIR".strip())
 
 

@@ -12,6 +12,7 @@ from bench.options import AsJson, TaskName, number
 from tasks.errors import unknown_name
 from tasks.files import writable_folder
 from tasks.registry import get_task
+from tasks.words import count_of
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -73,7 +74,7 @@ def evaluate(
 
     chosen = get_task(task)
     expert = load_expert(chosen).policy
-    with doing(f"evaluating the expert of {task} in {episodes} episodes"):
+    with doing(f"evaluating the expert of {task} in {count_of(episodes, 'episode')}"):
         counts = evaluate_expert(chosen, expert, split, episodes, physics)
     low, high = wilson(counts["successes"], episodes)
     result: dict[str, Any] = {
@@ -91,9 +92,9 @@ def evaluate(
         print(json.dumps(result))
         return
     print(
-        "{task}/{split}, physics {physics}: {successes} of {episodes} episodes succeed,"
+        "{task}/{split}, physics {physics}: {successes} of {tried} successful,"
         " {success_rate:.1%} [{low:.1%}, {high:.1%}] (95% Wilson); {diverged} diverged".format(
-            **result
+            **result, tried=count_of(episodes, "episode")
         )
     )
 

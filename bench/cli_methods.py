@@ -4,14 +4,15 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 from textwrap import fill
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bench.doing import since_start
 from bench.options import SOME_FAILED, AsJson
 from tasks.files import whole_folder
 from tasks.registry import TASKS
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from bench.checking import Checked
@@ -26,12 +27,11 @@ def check(
     """Check every variant of a method against each rule. Exit code 3 if one is broken."""
     from bench.checking import check_apart
 
-    began = perf_counter()
     checked = check_apart(method)
     if as_json:
         print(json.dumps([asdict(result) for result in checked.results]))
     else:
-        _show(method, checked, perf_counter() - began)
+        _show(method, checked, since_start())
     if not all(result.passed for result in checked.results):
         raise typer.Exit(SOME_FAILED)
 
@@ -56,17 +56,13 @@ def _show(method: str, checked: "Checked", seconds: float) -> None:
         if asks.get(rule):
             print(f"       the rule: {(asks[rule] or '').strip()}")
     for reason, rows in results[~results.tried].groupby("message", sort=False):
-        print(f"       not tried: {_counted(rows.rule.nunique(), 'rule')} ({reason})")
+        print(f"       not tried: {count_of(rows.rule.nunique(), 'rule')} ({reason})")
     if held.any():
         print(fill(f"ok     {', '.join(held.index[held])}", width=99, subsequent_indent=" " * 7))
     if checked.lines:
-        print(f"It printed {_counted(checked.lines, 'line')}, which begin:")
+        print(f"It printed {count_of(checked.lines, 'line')}, which begin:")
         for line in checked.printed:
             print(f"       | {line}")
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def new_method(

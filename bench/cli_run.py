@@ -10,93 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.options import SOME_FAILED, AsJson, Jobs, number, results_folder
-from bench.studies import study_of
+from bench.options import SOME_FAILED, AsJson, Jobs, results_folder
+from bench.study_options import takes_study
 from tasks.errors import InputError
 from tasks.files import writable_folder
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from bench.backend import Workers
-    from bench.driver import Outcome
     from bench.presets import Study
-
-Preset = Annotated[
-    str, typer.Argument(help="Name of a preset: smoke, quick or paper. See `bench describe NAME`.")
-]
-Experiments = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated experiments, such as success,ood; `bench describe NAME` explains"
-        " one. Default: all in the preset."
-    ),
-]
-Tasks = Annotated[
-    str | None,
-    typer.Option(help="Comma-separated tasks, such as door,tool. Default: all in the preset."),
-]
-Methods = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated methods, such as kodex,nn,expert. Default: all in the preset, and the"
-        " expert."
-    ),
-]
-Sizes = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated model sizes to compare, such as small,large. Default: all in the"
-        " preset."
-    ),
-]
-Variants = Annotated[
-    str | None,
-    typer.Option(
-        help="Comma-separated variants of methods for the experiment audit, such as"
-        " described,published. Default: all."
-    ),
-]
-Seeds = Annotated[
-    str | None,
-    typer.Option(
-        help="Seeds of the methods' random numbers: how many (5 means 1 to 5), which (2,4; 7, for"
-        " seed 7 alone) or ranges (1-3,7). Default: those of the preset."
-    ),
-]
-Episodes = Annotated[
-    int | None,
-    number(1, "Episodes of each evaluation, such as 500 or 1e4. Default: those of the preset."),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        help="METHOD.FIELD=VALUE sets a field of a method's config, such as nn.epochs=50 or"
-        " ngf.hidden=64,32. Repeat the option for more.",
-    ),
-]
-DemosFiles = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--demos",
-        help="File of demonstrations to learn from, written by `bench demos record`, `from-arrays`"
-        " or `import`. Repeat the option for more tasks: each task of the run needs a file."
-        " Default: the expert's demonstrations.",
-    ),
-]
+    from bench.runner import Outcome
 
 
+@takes_study
 def run(
-    preset: Preset,
+    study: "Study",
     out: Annotated[Path, typer.Option(help="Results folder. Rerun the same command to resume.")],
-    experiments: Experiments = None,
-    tasks: Tasks = None,
-    methods: Methods = None,
-    sizes: Sizes = None,
-    variants: Variants = None,
-    seeds: Seeds = None,
-    episodes: Episodes = None,
-    demos: DemosFiles = None,
-    settings: Settings = None,
     jobs: Jobs = None,
     backend: Annotated[
         str, typer.Option(help="Where jobs run: loky (this machine), dask, or another of joblib's.")
@@ -114,26 +43,16 @@ def run(
 ) -> None:
     """Run a study: fit methods and evaluate them. Only missing results are computed."""
     from bench.backend import Workers
-    from bench.driver import count_jobs
+    from bench.cores import count_jobs
 
-    study = study_of(
-        preset,
-        experiments=experiments,
-        tasks=tasks,
-        methods=methods,
-        sizes=sizes,
-        variants=variants,
-        seeds=seeds,
-        episodes=episodes,
-        demos=demos,
-        settings=settings,
-    )
     _warn_of_namesakes(study.methods)
     count = count_jobs(jobs)
     if not 0 < limit < inf:
         raise InputError(f"--limit must be above 0, and finite, got {limit}")
     outcome = run_study(study, out, Workers(count, backend, scheduler, 60 * limit))
-    print(f"{outcome.done} results computed, {outcome.cells} cells in {out}")
+    print(
+        f"{count_of(outcome.done, 'result')} computed, {count_of(outcome.cells, 'cell')} in {out}"
+    )
     if outcome.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -147,10 +66,10 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     from bench.doing import doing
     from bench.driver import run as run_driver
     from bench.remarks import remarks
-    from bench.store import Store
+    from bench.results import Results
 
     try:
-        with doing("looking for what is missing"):
+        with doing("checking the study"):
             outcome = run_driver(study, out, where)
     except OSError as error:
         print(
@@ -161,7 +80,7 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     except KeyboardInterrupt:
         print("stopped; rerun the same command to resume", file=sys.stderr)
         raise
-    for remark in remarks(Store(out)):
+    for remark in remarks(Results(out)):
         print(f"note: {remark}", file=sys.stderr)
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)
@@ -177,23 +96,15 @@ def time(
 
     with doing("looking for fits to time"):
         timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
-    print(f"{timed} fits timed in {folder}")
+    print(f"{count_of(timed, 'fit')} timed in {folder}")
 
 
+@takes_study
 def plan(
-    preset: Preset,
+    study: "Study",
     out: Annotated[
         Path, typer.Option(help="Results folder of the run; results in it are not counted again.")
     ],
-    experiments: Experiments = None,
-    tasks: Tasks = None,
-    methods: Methods = None,
-    sizes: Sizes = None,
-    variants: Variants = None,
-    seeds: Seeds = None,
-    episodes: Episodes = None,
-    demos: DemosFiles = None,
-    settings: Settings = None,
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
@@ -202,36 +113,27 @@ def plan(
     Takes the options of `bench run`. How fast the machine is, is measured once, in seconds; a
     method of a package is tried each time.
     """
+    from bench.cores import count_jobs
     from bench.doing import doing
-    from bench.driver import count_jobs
     from bench.plan import make_plan
 
-    study = study_of(
-        preset,
-        experiments=experiments,
-        tasks=tasks,
-        methods=methods,
-        sizes=sizes,
-        variants=variants,
-        seeds=seeds,
-        episodes=episodes,
-        demos=demos,
-        settings=settings,
-    )
     writable_folder(out)
     count = count_jobs(jobs)
-    with doing("listing what is missing"):
+    with doing("checking the study"):
         made = make_plan(study, out, count)
     if as_json:
         print(json.dumps(asdict(made)))
     else:
+        missing = [
+            count_of(getattr(made, f"missing_{noun}s"), noun)
+            for noun in ("controller", "fit", "evaluation", "episode")
+        ]
         print(
-            "{cells} cells; missing: {missing_controllers} controllers, {missing_fits} fits,"
-            " {missing_evaluations} evaluations of {missing_episodes:,} episodes\n"
-            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs} jobs"
+            f"{count_of(made.cells, 'cell')}; missing: {', '.join(missing[:3])} of {missing[3]}\n"
+            "about {cpu_hours:.1f} CPU-hours, {wall_hours:.1f} hours with {jobs}"
             " and never below {longest_hours:.1f};"
             " {memory_gib:.1f} GiB of memory; {disk_gib:.2f} GiB of disk, {free_gib:.0f} free"
-            "".format(**asdict(made), jobs=count)
+            "".format(**asdict(made), jobs=count_of(count, "job"))
         )
     made.check()
 
@@ -253,4 +155,4 @@ def merge(
 
     for folder in folders:
         results_folder(folder)
-    print(f"{merge_folders(folders, out)} fits in {out}")
+    print(f"{count_of(merge_folders(folders, out), 'fit')} in {out}")

@@ -2,11 +2,15 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bench.options import AsJson, results_folder
+from tasks.words import count_of
+
+if TYPE_CHECKING:
+    from bench.results import Results
 
 
 def status(
@@ -14,31 +18,59 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Show how much of a study is done, during a run or after it, and what failed."""
-    from bench.clock import counted, headline, running
+    from bench.clock import KINDS, counted, headline, running
     from bench.remarks import remarks
+    from bench.results import Results
     from bench.run_state import read_state
-    from bench.store import Store
 
-    store = Store(results_folder(folder))
-    counts = store.progress()
-    failures = store.failures()
+    results = Results(results_folder(folder))
+    counts = progress(results)
+    failures, notes = results.failures(), remarks(results)
     state = read_state(folder)
     if as_json:
-        notes = {"failures": failures, "notes": remarks(store), "run": state}
-        print(json.dumps(counts | notes))
+        print(json.dumps(counts | {"failures": failures, "notes": notes, "run": state}))
         return
     if state:
         print(headline(state))
-        for line in counted(state):
-            print(f" {line}")
+        print(f" {counted(state)}")
         if state["running"] and state["now"]:
             print(f" now: {running(state)}")
-    for kind in ("controllers", "fits", "evaluations"):
+    for kind in KINDS:
         print(f"{kind + ':':<12} {counts[f'{kind}_done']} of {counts[kind]} done")
-    for remark in remarks(store):
-        print(f"note: {remark}")
+    if counts["missing_episodes"]:
+        print(f"missing:     {counts['missing_episodes']:,} episodes")
+    for note in notes:
+        print(f"note: {note}")
     for failure in failures:
-        print("failed ({tries} tries): {label}: {reason}".format(**failure))
+        tries = count_of(failure["tries"], "try", "tries")
+        print(f"failed ({tries}): {failure['label']}: {failure['reason']}")
+
+
+def progress(results: "Results") -> dict[str, int]:
+    """Returns how many results studies have asked for, how many are stored whole, what is missing.
+
+    ``controllers``, ``fits`` and ``evaluations``, of each those ``_done``, and
+    ``missing_episodes``.
+
+    Raises:
+        InputError: the folder holds no results.
+    """
+    from bench.missing import find_missing
+
+    results.check_exists()
+    wanted = results.manifest().wanted
+    missing = find_missing(results, wanted)
+    controllers = {one.controller.key for one in wanted if one.controller}
+    fits = {one.fit.key for one in wanted if one.fitted}
+    return {
+        "controllers": len(controllers),
+        "controllers_done": len(controllers - missing.controllers),
+        "fits": len(fits),
+        "fits_done": len(fits - missing.fits),
+        "evaluations": len(wanted),
+        "evaluations_done": len(wanted) - len(missing.evaluations),
+        "missing_episodes": missing.episodes,
+    }
 
 
 def doctor(

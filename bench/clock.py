@@ -6,52 +6,24 @@ each kind of job, which counts for more the more jobs of the kind have ended.
 
 from __future__ import annotations
 
-import heapq
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # what reads a state needs no simulator
-    from bench.costs import Cost
+from bench.job_queue import finishing_time, name_of
 
+if TYPE_CHECKING:
+    from bench.costs import Cost
+    from bench.job_queue import Job, JobQueue
+
+KINDS = ("controllers", "fits", "evaluations")
+"""The kinds of results that a run makes."""
 PRIOR = 0.005
 """Share of a run's expected work by which the factor before any job has ended is believed."""
 LEAST = 2.0
 """Seconds of expected work by which it is believed at least: workers take time to get started."""
 OVERDUE = 0.05
 """What a job that takes longer than expected still takes, as a share of its time so far."""
-
-
-@dataclass
-class _Running:
-    label: str
-    cost: Cost
-    since: float
-
-
-@dataclass
-class _Phase:
-    """Jobs that do not depend on each other; the next phase waits for the last of them."""
-
-    wave: str
-    name: str
-    waiting: dict[int, Cost]
-    running: dict[int, _Running] = field(default_factory=dict)
-    sent: dict[int, str] = field(default_factory=dict)
-    """Labels of jobs that wait for a worker; their costs are among those waiting."""
-    done: int = 0
-    failed: int = 0
-
-    @property
-    def costs(self) -> list[Cost]:
-        """Of the jobs that have not ended."""
-        return [*self.waiting.values(), *(job.cost for job in self.running.values())]
-
-    @property
-    def left(self) -> int:
-        """How many results are still missing."""
-        return sum(cost.count for cost in self.costs)
-
 
 _Took = tuple["Cost", float]
 """What a job was expected to take, and the seconds that it took."""
@@ -60,132 +32,105 @@ _Took = tuple["Cost", float]
 class Clock:
     """What a run has done and has to do. Times are seconds of any clock, given by the caller."""
 
-    def __init__(self, jobs: int, now: float, factor: float = 1.0) -> None:
+    def __init__(self, queue: JobQueue, workers: int, now: float, factor: float = 1.0) -> None:
         """Begins.
 
         Args:
-            jobs: how many run at a time.
+            queue: the jobs of the run.
+            workers: jobs at a time.
             now: when it begins.
-            factor: of the machine, before any job has ended.
+            factor: of the machine, used until jobs have ended.
         """
-        self._jobs, self._began, self._prior = jobs, now, factor
-        self._phases: list[_Phase] = []
-        self._current = 0
+        self._queue, self._workers, self._began, self._prior = queue, workers, now, factor
+        self._sent: dict[str, Job] = {}
+        """Jobs that have not started; a worker may have several."""
+        self._running: dict[str, tuple[Job, float]] = {}
+        """The running jobs, with the times at which they started."""
+        self._done, self._failed = Counter[str](), Counter[str]()
         self._ended: list[_Took] = []
 
-    def expect(self, wave: str, phases: Mapping[str, Sequence[Cost]]) -> None:
-        """Notes phases to come, in order, after those that are known.
+    @property
+    def over(self) -> bool:
+        """Whether no job is left."""
+        return not self._queue.waiting and not self._queue.running
 
-        Args:
-            wave: names a group of phases that others wait for, for people to read.
-            phases: by name, the costs of the jobs.
-        """
-        for name, costs in phases.items():
-            self._phases.append(_Phase(wave, name, dict(enumerate(costs))))
-
-    def begin(self, wave: str, name: str, costs: Sequence[Cost]) -> None:
-        """A phase begins, with the jobs that it really has; or jobs of the present one go on."""
-        places = [(phase.wave, phase.name) for phase in self._phases]
-        self._current = places.index((wave, name))
-        for phase in self._phases[: self._current]:
-            phase.waiting = {}  # there was nothing to do after all
-        self._phases[self._current].waiting = dict(enumerate(costs))
-
-    def start(self, index: int, label: str, now: float) -> None:
-        """A job of the present phase is sent, or sent again; it starts once a worker is free."""
-        phase = self._phases[self._current]
-        again = phase.running.pop(index, None)
-        if again:
-            phase.waiting[index] = again.cost
-        phase.sent[index] = label
+    def start(self, job: Job, now: float) -> None:
+        """A job is sent, or sent again. It starts as soon as a worker is free."""
+        self._running.pop(name_of(job), None)
+        self._sent[name_of(job)] = job
         self._start_sent(now)
+
+    def end(self, job: Job, seconds: float, now: float, failed: bool = False) -> None:
+        """A job has ended, after so many seconds of work.
+
+        One that failed but will be tried again in parts, which are in the queue, counts as neither
+        done nor failed.
+        """
+        self._sent.pop(name_of(job), None)
+        self._running.pop(name_of(job), None)
+        self._start_sent(now)
+        if not failed:
+            self._done[job.kind] += job.cost.count
+            self._ended.append((job.cost, seconds))
+        elif self._queue.failed.issuperset(job.makes):
+            self._failed[job.kind] += job.cost.count
 
     def _start_sent(self, now: float) -> None:
-        phase = self._phases[self._current]
-        for index in list(phase.sent)[: self._jobs - len(phase.running)]:
-            label, cost = phase.sent.pop(index), phase.waiting.pop(index)
-            phase.running[index] = _Running(label, cost, now)
-
-    def _pop(self, index: int) -> Cost:
-        """Takes out a job that has come back, which may be one that was thought to wait."""
-        phase = self._phases[self._current]
-        phase.sent.pop(index, None)
-        job = phase.running.pop(index, None)
-        return job.cost if job else phase.waiting.pop(index)
-
-    def end(self, index: int, seconds: float, now: float, failed: bool = False) -> None:
-        """A job has ended, after so many seconds of work."""
-        phase, cost = self._phases[self._current], self._pop(index)
-        self._start_sent(now)
-        phase.done += cost.count
-        phase.failed += cost.count * failed
-        if not failed:
-            self._ended.append((cost, seconds))
-
-    def split(self, index: int, now: float) -> None:
-        """A job has failed whose parts will be tried one by one, when the phase goes on."""
-        phase = self._phases[self._current]
-        phase.waiting[-1 - index] = self._pop(index)
-        self._start_sent(now)
-
-    @property
-    def phase_over(self) -> bool:
-        """Whether the present phase has no job left."""
-        return bool(self._phases) and not self._phases[self._current].left
+        for name in list(self._sent)[: self._workers - len(self._running)]:
+            self._running[name] = self._sent.pop(name), now
 
     def left(self, now: float) -> float:
-        """Returns the seconds until the last phase ends; each job begins once a place is free."""
-        price = self._prices(now)
-        total = 0.0
-        for phase in self._phases[self._current :]:
-            busy = [
-                max(price(job.cost) - (now - job.since), OVERDUE * (now - job.since))
-                for job in phase.running.values()
-            ]
-            waiting = [price(cost) for cost in phase.waiting.values()]
-            total += schedule(waiting, self._jobs, busy)
-        return total
+        """Returns the seconds until the last job ends."""
+        with self._queue.lock:
+            jobs = [*self._queue.waiting, *self._queue.running.values()]
+        price = self._prices(jobs, now)
+        names = {name_of(job) for job in jobs}
+        running = {
+            name: max(price(job.cost) - (now - since), OVERDUE * (now - since))
+            for name, (job, since) in self._running.items()
+            if name in names
+        }
+        return finishing_time(jobs, self._workers, lambda job: price(job.cost), running)
 
-    def _prices(self, now: float) -> _Prices:
+    def _prices(self, jobs: Sequence[Job], now: float) -> _Prices:
         """What jobs have taken, and those that run take at least, once they are late."""
-        left = [cost for phase in self._phases for cost in phase.costs]
-        expected = sum(cost.seconds for cost in (*left, *(cost for cost, _ in self._ended)))
+        expected = sum(job.cost.seconds for job in jobs) + sum(c.seconds for c, _ in self._ended)
         weight = max(LEAST, PRIOR * expected)
         price = _Prices(self._ended, self._prior, weight)
         late = [
-            (job.cost, now - job.since)
-            for phase in self._phases
-            for job in phase.running.values()
-            if now - job.since > price(job.cost)
+            (job.cost, now - since)
+            for job, since in self._running.values()
+            if now - since > price(job.cost)
         ]
         return _Prices([*self._ended, *late], self._prior, weight)
 
     def state(self, now: float) -> dict[str, Any]:
-        """Returns how far it is, as JSON's own types.
+        """Returns how far the run is, as JSON's own types.
 
-        ``gone`` and ``left`` are seconds; ``phases`` have ``wave``, ``name``, ``done``, ``of`` and
+        ``gone`` and ``left`` are seconds; ``kinds`` of results have ``name``, ``done``, ``of`` and
         ``failed``; ``now`` has the ``label`` of each running job, and its ``seconds`` so far.
         """
-        phases = [
+        with self._queue.lock:
+            left = Counter[str]()
+            for job in (*self._queue.waiting, *self._queue.running.values()):
+                left[job.kind] += job.cost.count
+        kinds = [
             {
-                "wave": phase.wave,
-                "name": phase.name,
-                "done": phase.done,
-                "of": phase.done + phase.left,
-                "failed": phase.failed,
+                "name": name,
+                "done": self._done[name],
+                "of": self._done[name] + self._failed[name] + left[name],
+                "failed": self._failed[name],
             }
-            for phase in self._phases
-        ]
-        running = [
-            {"label": job.label, "seconds": round(now - job.since, 1)}
-            for phase in self._phases
-            for job in phase.running.values()
+            for name in KINDS
         ]
         return {
             "gone": round(now - self._began, 1),
             "left": round(self.left(now), 1),
-            "phases": [phase for phase in phases if phase["of"]],
-            "now": running,
+            "kinds": [kind for kind in kinds if kind["of"]],
+            "now": [
+                {"label": job.label, "seconds": round(now - since, 1)}
+                for job, since in self._running.values()
+            ],
         }
 
 
@@ -214,21 +159,6 @@ class _Prices:
         return cost.seconds * self._factors.get(cost.kind, self._common)
 
 
-def schedule(seconds: Sequence[float], jobs: int, busy: Sequence[float] = ()) -> float:
-    """Returns when the last job ends if each begins, in order, as soon as a place is free.
-
-    Args:
-        seconds: of the jobs that wait.
-        jobs: how many places there are.
-        busy: what the jobs that run still take; each has a place.
-    """
-    ends = [*busy, *[0.0] * (jobs - len(busy))]
-    heapq.heapify(ends)
-    for took in seconds:
-        heapq.heapreplace(ends, ends[0] + took)
-    return max(ends)
-
-
 def duration(seconds: float) -> str:
     """Returns a time in the unit that suits it."""
     for size, unit in ((3600, "h"), (60, "min")):
@@ -245,14 +175,13 @@ def headline(state: Mapping[str, Any]) -> str:
     return f"{duration(gone)} gone, about {duration(left)} left ({duration(gone + left)} in all)"
 
 
-def counted(state: Mapping[str, Any]) -> list[str]:
-    """Returns the counts of a state, one line a wave."""
-    waves: dict[str, list[str]] = {}
-    for phase in state["phases"]:
-        text = "{name} {done}/{of}".format(**phase)
-        text += " ({failed} failed)".format(**phase) if phase["failed"] else ""
-        waves.setdefault(phase["wave"], []).append(text)
-    return [f"{wave}: {', '.join(t)}" if wave else ", ".join(t) for wave, t in waves.items()]
+def counted(state: Mapping[str, Any]) -> str:
+    """Returns the counts of a state: ``fits 3/20, evaluations 0/48``."""
+    return ", ".join(
+        "{name} {done}/{of}".format(**kind)
+        + (f" ({kind['failed']} failed)" if kind["failed"] else "")
+        for kind in state["kinds"]
+    )
 
 
 def running(state: Mapping[str, Any], most: int = 3) -> str:

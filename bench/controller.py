@@ -1,4 +1,4 @@
-"""The tracking controller C: from where the hand is and should be next to an action.
+"""The tracking controller C: maps hand joints now and one step later to an action.
 
 C is trained on the demonstrations' (x_r(t), x_r(t+1)) -> tau(t) (appendix A, G), once for each
 task, and serves every method.
@@ -15,13 +15,7 @@ from tasks.data import Demos, FloatArray
 
 VERSION = 1
 """Raise it when actions change."""
-ORIGINAL, TUNED, NO_CONTROLLER = "original", "tuned", "none"
-UNCLIPPED, ON_SUCCESSES = "unclipped", "tuned-on-successes"
-ORIGINAL_SEED = 1
-RESEEDED = {seed: f"{ORIGINAL}-{seed}" for seed in (2, 3, 4, 5)}
-"""By seed, the controllers that differ from the original in their random numbers alone."""
-AUDITED = (UNCLIPPED, ON_SUCCESSES, *RESEEDED.values())
-"""The controllers that `audit` tries in place of the original and the tuned one."""
+FIRST_SEED = 1
 
 _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
@@ -54,7 +48,7 @@ class Controller:
     def act(self, present: FloatArray, wanted: FloatArray) -> FloatArray:
         """Returns the actions (B, A) from x_r(t) (B, H) towards x_r(t+1) (B, H), not clipped."""
         *hidden, (weight, bias) = self._layers
-        # What a diverged prediction asks for may not fit into float32: its episode will diverge.
+        # A diverged prediction may exceed float32; its episode then diverges too.
         with np.errstate(over="ignore", invalid="ignore"):
             x = np.concatenate([present, wanted], axis=1).astype(np.float32)
             for inner_weight, inner_bias in hidden:
@@ -63,15 +57,15 @@ class Controller:
 
 
 def train_controller(
-    config: ControllerConfig, demos: Demos, name: str, seed: int = ORIGINAL_SEED
+    config: ControllerConfig, demos: Demos, name: str, seed: int = FIRST_SEED
 ) -> Parameters:
     """Returns the weights of a controller after the last epoch.
 
     Args:
         config: layers and schedule.
-        demos: whose hand motions and actions are learnt.
-        name: of the task; the random weights and the order of samples are drawn for it.
-        seed: they are drawn for it too.
+        demos: their hand motions are the inputs, their actions the targets.
+        name: of the task. The random stream depends on it.
+        seed: of the initial weights and the order of samples.
     """
     from methods.layers import mlp, mlp_weights
     from methods.training import Schedule, minimise

@@ -1,4 +1,4 @@
-"""The particulars of what can be run, as plain dictionaries."""
+"""What `bench describe` says about a task, method, experiment or preset, as dictionaries."""
 
 from dataclasses import asdict
 from difflib import get_close_matches
@@ -11,10 +11,10 @@ from tasks.registry import TASKS, get_task
 
 
 def describe(name: str) -> dict[str, Any]:
-    """Returns the particulars of a task, method, experiment or preset; ``kind`` says which it is.
+    """Describes a task, method, experiment or preset; ``kind`` says which it is.
 
     Raises:
-        InputError: there is nothing of that name.
+        InputError: nothing has that name.
     """
     from bench.presets import PRESETS
     from methods.registry import method_names, unknown_method, unusable
@@ -76,7 +76,7 @@ def _method(name: str) -> dict[str, Any]:
 
 
 def _parameters(name: str, size: str) -> dict[str, Any]:
-    """By task, how many numbers a fit stores; of a method that fails, ``unknown`` and why."""
+    """By task, how many numbers a fit stores; ``unknown``, with the reason, if a fit fails."""
     from bench.isolation import apart
     from methods.registry import SUITE
 
@@ -89,7 +89,7 @@ def _parameters(name: str, size: str) -> dict[str, Any]:
 
 
 def _count(name: str, size: str, task: str) -> int:
-    """Found by fitting, which works for any method."""
+    """How many numbers a fit stores, counted after a short fit."""
     from bench.machine import random_demos
     from methods.base import shortened
     from methods.registry import get_method
@@ -108,11 +108,12 @@ def _experiment(name: str) -> dict[str, Any]:
 
 
 def _preset(name: str) -> dict[str, Any]:
-    from bench.experiments import cells_of, recipes_of
+    from bench.experiments import cells_of
     from bench.presets import get_preset
+    from bench.study_demos import demos_keys_of
 
     study = get_preset(name)
-    cells = cells_of(study, recipes_of(study))
+    cells = cells_of(study, demos_keys_of(study))
     return {
         "name": name,
         "note": study.note,

@@ -1,9 +1,9 @@
-"""The particulars of an experiment: what it measures and varies, how, and how much it computes."""
+"""What `bench describe` says about an experiment: what it measures, varies and computes."""
 
 from dataclasses import dataclass
 from typing import Any
 
-from bench.controller import NO_CONTROLLER, ON_SUCCESSES, ORIGINAL, RESEEDED, TUNED, UNCLIPPED
+from bench.controller_kinds import ABOUT as ABOUT_CONTROLLERS
 from bench.presets import PRESETS, Study
 from bench.spec import VALIDATION, Cell
 
@@ -15,9 +15,9 @@ class About:
     measures: str
     varies: str
     paper: tuple[str, ...] = ()
-    """The paper's tables and figures that `bench report` makes of it, by file name."""
+    """The paper's tables and figures that show it in a report, by file name."""
     own: tuple[str, ...] = ()
-    """Tables and figures of this suite alone."""
+    """Other tables and figures that show it in a report."""
 
 
 ABOUT = {
@@ -76,19 +76,10 @@ SPLITS = {
     "test": "unseen starts of the training distribution",
     "ood": "starts outside the training distribution",
 }
-CONTROLLERS = {
-    NO_CONTROLLER: "no controller: the expert and closed-loop methods act themselves",
-    ORIGINAL: "trained on the demonstrations, in nominal physics",
-    TUNED: "trained on the expert's episodes in the changed physics",
-    ON_SUCCESSES: "as tuned, but on successful episodes only",
-    UNCLIPPED: "as original, but on the expert's actions before they are clipped",
-    **{name: "as original, with other random numbers" for name in RESEEDED.values()},
-}
-"""What turns a predicted motion into actions, by its name in the results."""
 
 
 def describe_experiment(name: str) -> dict[str, Any]:
-    """Returns the particulars of an experiment; conditions are those of the largest preset."""
+    """Describes an experiment. Its conditions are those in the preset with the most cells."""
     about = ABOUT[name]
     cells = {preset: _cells(study, name) for preset, study in PRESETS.items()}
     evaluations = [cell.evaluation for cell in max(cells.values(), key=len)]
@@ -102,7 +93,7 @@ def describe_experiment(name: str) -> dict[str, Any]:
         "varies": about.varies,
         "splits": {split: SPLITS[split] for split in splits},
         "physics": physics,
-        "controllers": {controller: CONTROLLERS[controller] for controller in controllers},
+        "controllers": {controller: ABOUT_CONTROLLERS[controller] for controller in controllers},
         "success_rules": rules,
         "exhibits": {"paper": list(about.paper), "own": list(about.own)},
         "presets": {
@@ -113,9 +104,9 @@ def describe_experiment(name: str) -> dict[str, Any]:
 
 
 def _cells(study: Study, name: str) -> list[Cell]:
-    from bench.experiments import EXPERIMENTS, recipes_of
+    from bench.experiments import EXPERIMENTS
 
-    return EXPERIMENTS[name](study, recipes_of(study), {}) if name in study.episodes else []
+    return EXPERIMENTS[name](study, {}) if name in study.episodes else []
 
 
 def _counts(cells: list[Cell], episodes: int) -> dict[str, int]:

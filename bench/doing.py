@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import psutil
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -88,6 +89,11 @@ def doing(what: str) -> Iterator[None]:
     finally:
         _PRESENT.remove(present)
         present.end()
+
+
+def since_start() -> float:
+    """Returns the seconds since this process started, imports included."""
+    return max(0.0, time.time() - psutil.Process().create_time())
 
 
 def hush() -> None:

@@ -5,9 +5,10 @@ from typing import Any
 
 import pandas as pd
 
+from bench.names import folder_name
+from bench.results import Results
 from bench.selection import best_size
 from bench.spec import EXPERT, VALIDATION
-from bench.store import Store, folder_name
 from bench.verify import fit_of
 from methods.base import Method
 from methods.contract import loaded
@@ -28,9 +29,9 @@ class Methods(Mapping[str, Method]):
     """
 
     def __init__(
-        self, store: Store, frame: pd.DataFrame, task: str, seed: int | None, size: str | None
+        self, results: Results, frame: pd.DataFrame, task: str, seed: int | None, size: str | None
     ) -> None:
-        """Takes the rows of a store that are wanted, see `bench.opened.Opened.methods`.
+        """Takes results and rows of their frame, see `bench.opened.Opened.methods`.
 
         Raises:
             InputError: there are no fits of that task.
@@ -39,12 +40,12 @@ class Methods(Mapping[str, Method]):
         self._rows = fitted[fitted.task == task]
         if self._rows.empty:
             raise unknown_name("task of these results", task, fitted.task.unique())
-        self._store, self._seed, self._size = store, seed, size
+        self._results, self._seed, self._size = results, seed, size
 
     def __getitem__(self, name: str) -> Method:
         if name not in self:
             raise unknown_name("method of these results", name, self)
-        return _load(self._store, self._row(name))
+        return _load(self._results, self._row(name))
 
     def __contains__(self, name: object) -> bool:
         return name in set(self._rows.method)
@@ -74,7 +75,7 @@ class Methods(Mapping[str, Method]):
         return dict(rows.to_dict("records")[0])
 
 
-def _load(store: Store, row: Mapping[str, Any]) -> Method:
+def _load(results: Results, row: Mapping[str, Any]) -> Method:
     fit = fit_of(row)
     if folder_name(fit.label, fit.key) != row["folder"]:
         raise InputError(
@@ -82,4 +83,4 @@ def _load(store: Store, row: Mapping[str, Any]) -> Method:
             " one: run the study again"
         )
     method, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
-    return loaded(method, fit.config, layout, store.parameters(fit))
+    return loaded(method, fit.config, layout, results.parameters(fit))

@@ -1,138 +1,222 @@
-"""What a run's processes do: train a controller, fit a method, evaluate a fit.
+"""The jobs of a run: train a controller, fit a method, evaluate a fit.
 
-A job depends on its arguments alone, runs in whichever process, and returns a list with one result
-for each thing that it was to make. What it returns of a method is bytes, see `methods.contract`.
+A job names the results that it needs and makes, says what it costs, has a call that runs in another
+process, and knows how its result is stored.
 """
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
 
-import numpy as np
-
-from bench.controller import Controller, train_controller
-from bench.remarks import who_answers
-from bench.rollout import FeedbackPolicy, TrackedMotion
-from bench.spec import EXPERT, Cell, ControllerSpec, Fit
-from methods.base import ActionMethod, Method, MotionMethod, fits_together
-from methods.contract import ContractError, Learnt, learn, loaded, motion
-from methods.guard import guarded
-from methods.registry import get_method
-from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
-from tasks.experts import load_expert
-from tasks.files import from_bytes, to_bytes
-from tasks.registry import get_task
-from tasks.simulator import CHUNK, Policy, rollout
+from bench.backend import Call
+from bench.computing import Fitted, evaluate, fit_controller, fit_methods
+from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
+from bench.missing import Missing
+from bench.provenance import provenance
+from bench.results import Results
+from bench.results_writer import ResultsWriter
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
+from bench.trained import keep
+from bench.training_data import controller_demos, starts_of, training_demos, validation_demos
+from tasks.data import Episodes
 
 
 @dataclass(frozen=True)
-class Piece:
-    """The part of a cell's evaluation that is missing."""
+class ControllerJob:
+    """Trains a tracking controller."""
 
-    cell: Cell
-    starts: Starts
-    keep: int
-    """How many stored episodes stay."""
+    spec: ControllerSpec
+    cached: bool
+    """Whether the cache gets the controller too."""
+    kind: ClassVar = "controllers"
+    needs: ClassVar[tuple[str, ...]] = ()
+    after: ClassVar[tuple[str, ...]] = ()
 
     @property
     def label(self) -> str:
-        """A name for people to read."""
-        return f"{self.cell.fit.label} {self.cell.evaluation.name}"
+        """A name for people."""
+        return self.spec.label
+
+    @property
+    def labels(self) -> list[str]:
+        """The label of each of its results."""
+        return [self.label]
+
+    @property
+    def makes(self) -> tuple[str, ...]:
+        """The key of the controller."""
+        return (self.spec.key,)
+
+    @cached_property
+    def cost(self) -> Cost:
+        """What it takes on the reference machine."""
+        return controller_cost(self.spec)
+
+    def parts(self) -> Sequence["ControllerJob"]:
+        """Returns itself."""
+        return [self]
+
+    def call(self, results: Results) -> Call:
+        """Returns what to call in the process of the job; makes demonstrations if needed."""
+        return self.label, fit_controller, (self.spec, controller_demos(self.spec))
+
+    def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
+        """Stores what the call has returned."""
+        facts = provenance(result[0].seconds)
+        writer.add_controller(self.spec, result[0].parameters, facts)
+        if self.cached:
+            keep(self.spec, result[0].parameters, facts)
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """What a fit or a controller has learnt, as the content of files."""
+class FitJob:
+    """Fits a method, for one seed or several together."""
 
-    parameters: bytes
-    diagnostics: bytes
-    seconds: float
-    """CPU time, of this seed alone."""
+    fits: tuple[Fit, ...]
+    """They differ only in their seeds."""
+    after: tuple[str, ...] = ()
+    kind: ClassVar = "fits"
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def label(self) -> str:
+        """A name for people; of several fits, with all seeds."""
+        return self.fits[0].label + "".join(f",{fit.seed}" for fit in self.fits[1:])
+
+    @property
+    def labels(self) -> list[str]:
+        """The label of each of its results."""
+        return [fit.label for fit in self.fits]
+
+    @cached_property
+    def makes(self) -> tuple[str, ...]:
+        """The keys of the fits."""
+        return tuple(fit.key for fit in self.fits)
+
+    @cached_property
+    def cost(self) -> Cost:
+        """What it takes on the reference machine."""
+        return fit_cost(self.fits)
+
+    def parts(self) -> Sequence["FitJob"]:
+        """Returns two jobs of half the seeds each; itself if there is one seed."""
+        half = (len(self.fits) + 1) // 2
+        halves = self.fits[:half], self.fits[half:]
+        return [FitJob(fits, self.after) for fits in halves if fits]
+
+    def call(self, results: Results) -> Call:
+        """Returns what to call in the process of the job; makes demonstrations if needed."""
+        first = self.fits[0]
+        arguments = (self.fits, training_demos(first), validation_demos(first))
+        return self.label, fit_methods, arguments
+
+    def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
+        """Stores what the call has returned."""
+        for fit, made in zip(self.fits, result, strict=True):
+            writer.add_fit(fit, made.parameters, made.diagnostics, provenance(made.seconds))
 
 
-def controller_job(spec: ControllerSpec, demos: Demos) -> list[Fitted]:
-    """Returns a controller's weights."""
-    began = time.process_time()
-    weights = train_controller(spec.config, demos, spec.task, spec.seed)
-    return [Fitted(to_bytes(weights), b"", time.process_time() - began)]
+@dataclass(frozen=True)
+class EvaluationJob:
+    """Evaluates a fit from the starts whose episodes are missing."""
+
+    cell: Cell
+    kept: int
+    """Episodes that are stored and stay."""
+    wanted: int
+    """Episodes that there will be."""
+    threads: int
+    """Threads of the simulator."""
+    after: tuple[str, ...] = ()
+    kind: ClassVar = "evaluations"
+
+    @property
+    def label(self) -> str:
+        """A name for people."""
+        return f"{self.cell.fit.label} {self.cell.evaluation.name}"
+
+    @property
+    def labels(self) -> list[str]:
+        """The label of each of its results."""
+        return [self.label]
+
+    @cached_property
+    def makes(self) -> tuple[str, ...]:
+        """The key of the evaluation."""
+        return (self.cell.evaluation.key(self.cell.fit),)
+
+    @cached_property
+    def needs(self) -> tuple[str, ...]:
+        """The keys of the fit, and of the controller if one tracks its motions."""
+        controller = self.cell.controller
+        return (self.cell.fit.key, *([controller.key] if controller else []))
+
+    @property
+    def episodes(self) -> int:
+        """How many it simulates."""
+        return self.wanted - self.kept
+
+    @cached_property
+    def cost(self) -> Cost:
+        """What it takes on the reference machine."""
+        return evaluation_cost(self.cell.evaluation, self.episodes, self.threads)
+
+    def parts(self) -> Sequence["EvaluationJob"]:
+        """Returns itself: its episodes are stored together."""
+        return [self]
+
+    def call(self, results: Results) -> Call:
+        """Returns what to call in the process of the job."""
+        starts = starts_of(self.cell)[self.kept : self.wanted]
+        stored = stored_bytes(self.cell, results)
+        return self.label, evaluate, (self.cell, starts, self.kept, *stored, self.threads)
+
+    def store(self, result: Sequence[Episodes], writer: ResultsWriter) -> None:
+        """Stores what the call has returned."""
+        writer.add_episodes(self.cell.fit, self.cell.evaluation, result[0], self.kept)
 
 
-def fit_job(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fitted]:
-    """Returns for each of the fits, which differ in their seeds, what was learnt."""
-    first = fits[0]
-    method, layout = get_method(first.method, first.variant), get_task(first.task).layout
-    # A global random stream must not depend on which seeds are beside.
-    alone = () if fits_together(method) else (first.seed,)
-    stream = (first.task, first.method, first.variant, first.size, first.demos, *alone)
-    with guarded(*stream), _naming(fits):
-        began = time.process_time()
-        learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
-        seconds = (time.process_time() - began) / len(fits)
-        return [_fitted(one, validation, seconds) for one in learnt]
+RunJob = ControllerJob | FitJob | EvaluationJob
 
 
-def _fitted(learnt: Learnt, validation: Demos, seconds: float) -> Fitted:
-    diagnostics = from_bytes(learnt.diagnostics)
-    if isinstance(learnt.method, MotionMethod):
-        diagnostics["imitation_error"] = imitation_error(learnt.method, validation)
-    return Fitted(learnt.parameters, to_bytes(diagnostics) if diagnostics else b"", seconds)
+def stored_bytes(cell: Cell, results: Results) -> tuple[bytes, bytes]:
+    """Returns the stored parameters of a cell's method and weights of its controller.
 
-
-def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
-    """Returns mean |predicted - demonstrated x_r| over demonstrations and t = 2..T, (H,)."""
-    wanted = validation.states[:, 1:, : method.layout.robot_dim]
-    predicted = motion(method, validation.states[:, 0], wanted.shape[1])
-    errors = np.abs(predicted[:, 1:, : method.layout.robot_dim] - wanted)
-    return errors.mean(axis=(0, 1))
-
-
-def evaluation_job(
-    piece: Piece, parameters: bytes, controller: bytes, threads: int
-) -> list[Episodes]:
-    """Returns the episodes of a piece, evaluated.
-
-    Each chunk meets the method as it was stored, whatever an earlier chunk has left in it.
+    Both are empty for the expert, the second for a method that acts by itself.
     """
-    evaluation = piece.cell.evaluation
-    task = get_task(evaluation.task, evaluation.rule)
-    parts = []
-    for first in range(0, len(piece.starts), CHUNK):
-        starts = piece.starts[first : first + CHUNK]
-        row = piece.keep + first
-        with guarded(piece.label, row), _naming([piece.cell.fit]):
-            policy = make_policy(piece.cell.fit, parameters, controller)
-            episodes = rollout(task, starts, policy, evaluation.physics, threads=threads)
-            if isinstance(policy, TrackedMotion | FeedbackPolicy):
-                episodes = replace(episodes, non_finite=policy.non_finite(row))
-            parts.append(episodes)
-    return [join_episodes(parts)]
+    if cell.fit.method == EXPERT:
+        return b"", b""
+    controller = results.controller_weights(cell.controller) if cell.controller else b""
+    return results.parameters(cell.fit), controller
 
 
-@contextmanager
-def _naming(fits: Sequence[Fit]) -> Iterator[None]:
-    """Says in the error of a method that breaks its contract which it is, on what, of which seed.
+def jobs_of(
+    cells: Iterable[Cell],
+    missing: Missing,
+    threads: int = 1,
+    after: Collection[str] = (),
+    cached: bool = True,
+) -> list[RunJob]:
+    """Returns the jobs that make what is missing of some cells.
 
-    Raises:
-        ContractError: in place of one that says less.
+    Args:
+        cells: what is wanted.
+        missing: of it, see `bench.missing.find_missing`.
+        threads: of an evaluation.
+        after: keys of results that decide whether the fits and evaluations are wanted.
+        cached: whether controllers go into the cache.
     """
-    try:
-        yield
-    except ContractError as error:
-        first, seeds = fits[0], [fit.seed for fit in fits]
-        who = who_answers(first.method, first.variant, first.task, seeds)
-        raise ContractError(f"{who}: {error}") from error
-
-
-def make_policy(fit: Fit, parameters: bytes, controller: bytes) -> Policy:
-    """Returns what drives the episodes of a fit."""
-    task = get_task(fit.task)
-    if fit.method == EXPERT:
-        return load_expert(task).policy
-    method: Method = loaded(
-        get_method(fit.method, fit.variant), fit.config, task.layout, parameters
-    )
-    if isinstance(method, MotionMethod):
-        return TrackedMotion(method, Controller(from_bytes(controller)))
-    assert isinstance(method, ActionMethod)
-    return FeedbackPolicy(method)
+    cells, order = list(cells), tuple(sorted(after))
+    controllers = {c.key: c for cell in cells if (c := cell.controller)}
+    fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
+    jobs: list[RunJob] = [
+        ControllerJob(spec, cached)
+        for key, spec in controllers.items()
+        if key in missing.controllers
+    ]
+    blocks = seed_blocks(fit for key, fit in fits.items() if key in missing.fits)
+    jobs += [FitJob(tuple(block), order) for block in blocks]
+    gaps = ((cell, missing.evaluations.get(cell.evaluation.key(cell.fit))) for cell in cells)
+    jobs += [EvaluationJob(cell, *gap, threads, order) for cell, gap in gaps if gap]
+    return jobs

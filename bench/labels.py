@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 EXPERT = "expert"
 """Stands for a method in tables; nothing is fitted for it."""
+VALIDATION = "validation"
+"""The split whose starts are those of the validation demonstrations."""
 SEPARATOR = ":"
 LONGEST = 80
-RECIPE_DIGITS = 8
+DEMOS_DIGITS = 8
 
 
 def as_text(settings: Mapping[str, Any]) -> str:
@@ -38,7 +40,7 @@ def _value(value: object) -> str:
 
 
 def labelled(frame: pd.DataFrame) -> pd.DataFrame:
-    """Returns rows of `bench.store.Store.frame` with labels of their own for a method's fits.
+    """Returns rows of `bench.source.Source.frame` with labels of their own for a method's fits.
 
     A method's name is followed by what `--set` has changed where its rows differ in that, and by
     the key of its demonstrations where those of a task differ in that and are not the expert's.
@@ -46,12 +48,12 @@ def labelled(frame: pd.DataFrame) -> pd.DataFrame:
     learnt = frame[frame.method != EXPERT]
     if learnt.empty:
         return frame
-    own = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").recipe
+    own = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").demos_key
     several = learnt.groupby("method").settings.transform("nunique") > 1
-    others = learnt.groupby(["task", "method"]).recipe.transform("nunique") > 1
-    others &= learnt.recipe != learnt.task.map(own)
+    others = learnt.groupby(["task", "method"]).demos_key.transform("nunique") > 1
+    others &= learnt.demos_key != learnt.task.map(own)
     changed = learnt.settings.where(several, "")
-    demos = ("demos=" + learnt.recipe.str[:RECIPE_DIGITS]).where(others, "")
+    demos = ("demos=" + learnt.demos_key.str[:DEMOS_DIGITS]).where(others, "")
     suffix = changed.where((changed == "") | (demos == ""), changed + "+") + demos
     label = learnt.method.where(suffix == "", learnt.method + SEPARATOR + suffix)
     return frame.assign(method=label.reindex(frame.index).fillna(frame.method))

@@ -1,77 +1,76 @@
 """Merge results folders, as from several machines, into one."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import pyarrow.parquet as pq
-
-from bench.store import Store, folder_name
+from bench.manifest import Manifest, Wanted
+from bench.names import cell_path, controller_path, evaluation_path
+from bench.results import Results
+from bench.results_writer import ResultsWriter, writing
 from tasks.errors import InputError
 
 
 def merge(folders: Sequence[Path], out: Path) -> int:
     """Copies everything sound of several results folders into one; returns how many fits there are.
 
-    Where two hold the same evaluation, the one of more episodes is kept. What is damaged is set
-    aside where it lies, in ``out`` too.
+    Where two hold the same evaluation, the one of more episodes is kept. What is damaged is left
+    out; in ``out`` it is set aside.
 
     Raises:
         InputError: a folder holds no results, or two hold different results under one label.
     """
-    sources = [Store(folder) for folder in folders]
-    target = Store(out)
-    with target.locked():
-        if target.cells.exists():
-            target.sweep()
-        study, notes = target.study(), target.notes()
+    sources = [Results(folder) for folder in folders]
+    with writing(out) as writer:
+        manifest = writer.results.manifest()
         for source in sources:
-            source.sweep()
-            for label, entry in source.study().items():
-                known = study.setdefault(label, {**entry, "evaluations": {}, "episodes": {}})
-                _check(label, known, entry, source.folder)
-                known["evaluations"] |= entry["evaluations"]
-                for evaluation, count in entry["episodes"].items():
-                    most = max(count, known["episodes"].get(evaluation, 0))
-                    known["episodes"][evaluation] = most
-            notes += [note for note in source.notes() if note not in notes]
+            source.check_exists()
+            manifest = _joined(manifest, source)
         for source in sources:
-            for label, entry in source.study().items():
-                name = folder_name(label, entry["key"])
-                _copy_cell(source.cells / name, target, target.cells / name)
-            for folder in source.controllers.glob("*/"):
-                _copy_folder(folder, target, target.controllers / folder.name)
-        target.write_study(study, notes)
-    return len(study)
+            for wanted in source.manifest().wanted:
+                _copy(source, wanted, writer)
+        writer.write_manifest(manifest)
+    return len({wanted.fit for wanted in manifest.wanted})
 
 
-def _check(label: str, known: dict[str, Any], entry: dict[str, Any], folder: Path) -> None:
-    mine, theirs = known["evaluations"], entry["evaluations"]
-    alike = all(mine.get(name, key) == key for name, key in theirs.items())
-    if known["key"] != entry["key"] or not alike:
-        raise InputError(
-            f"{folder} holds other results of {label} than a folder before it: of another version,"
-            " config, controller or set of demonstrations; merge what was run alike"
-        )
+def _joined(manifest: Manifest, source: Results) -> Manifest:
+    """The manifest with all that a source has been asked for, of each evaluation the most episodes.
+
+    Raises:
+        InputError: see `merge`.
+    """
+    fits = {one.fit.label: one.fit for one in manifest.wanted}
+    places = {one.place: one for one in manifest.wanted}
+    theirs = source.manifest()
+    most = []
+    for wanted in theirs.wanted:
+        known = places.get(wanted.place, wanted)
+        alike = known.evaluation == wanted.evaluation
+        if not alike or fits.get(wanted.fit.label, wanted.fit) != wanted.fit:
+            raise InputError(
+                f"{source.folder} holds other results of {wanted.fit.label} than a folder before"
+                " it: of another version, config, controller or set of demonstrations; merge what"
+                " was run alike"
+            )
+        most.append(replace(wanted, episodes=max(wanted.episodes, known.episodes)))
+    joined = manifest.extended(most)
+    return Manifest(joined.wanted, tuple(dict.fromkeys(joined.notes + theirs.notes)))
 
 
-def _copy_cell(source: Path, target: Store, folder: Path) -> None:
-    if not source.exists():
+def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
+    """Copies an evaluation with its fit and controller, unless they are there."""
+    there, fit, controller = writer.results, wanted.fit, wanted.controller
+    if controller and source.has_controller(controller) and not there.has_controller(controller):
+        path = controller_path(writer.folder, controller)
+        writer.write_folder(path, source.controller_files(controller))
+    if not source.has_fit(fit):
         return
-    _copy_folder(source, target, folder)
-    for path in source.glob("eval-*.parquet"):
-        there = folder / path.name
-        if not there.exists() or _episodes(there) < _episodes(path):
-            target.write(there, path.read_bytes())
-    times = source / "times.json"
-    if times.exists() and not (folder / times.name).exists():
-        target.write(folder / times.name, times.read_bytes())
-
-
-def _episodes(path: Path) -> int:
-    return int(pq.read_metadata(path).num_rows)
-
-
-def _copy_folder(source: Path, target: Store, folder: Path) -> None:
-    if not folder.exists():
-        target.write_folder(folder, {path.name: path.read_bytes() for path in source.iterdir()})
+    if not there.has_fit(fit):
+        writer.write_folder(cell_path(writer.folder, fit), source.fit_files(fit))
+    folder = cell_path(writer.folder, fit).name
+    times = source.times(folder)
+    if times and not there.times(folder):
+        writer.add_times(folder, times)
+    if there.stored_episodes(wanted) < source.stored_episodes(wanted):
+        path = evaluation_path(source.folder, fit, wanted.evaluation.label)
+        writer.write_evaluation(wanted, path.read_bytes())

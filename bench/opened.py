@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 from bench.options import results_folder
 from bench.packed import is_packed, open_results, shipped
-from bench.store import Store, episodes_table
+from bench.results import Results
+from bench.source import episodes_table
 from bench.views import view
 from tasks.errors import InputError
+from tasks.files import path_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +34,7 @@ class Opened:
         Raises:
             InputError: the folder holds no results.
         """
-        given = shipped() if folder is None else Path(folder)
+        given = shipped() if folder is None else path_of("folder", folder)
         self.folder: Path = results_folder(given, packed=True)
         """Where the results are."""
         self._source = open_results(self.folder)
@@ -42,7 +44,7 @@ class Opened:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each evaluation, see `bench.store.Store.frame`."""
+        """One row for each evaluation, see `bench.source.Source.frame`."""
         return self._source.frame()
 
     @cached_property
@@ -76,7 +78,7 @@ class Opened:
                 f"{self.folder} holds packed results, without fits: open a results folder of"
                 " `bench run`"
             )
-        return Methods(Store(self.folder), self.frame, task, seed, size)
+        return Methods(Results(self.folder), self.frame, task, seed, size)
 
     def failures(
         self, task: str, method: str, split: str = "test", seed: int | None = None

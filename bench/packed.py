@@ -2,28 +2,32 @@
 
 A folder holds::
 
-    evaluations.parquet      one row each, as `bench.store.Store.frame` gives them
+    evaluations.parquet      one row each, see `bench.source.Source.frame`
     episodes.parquet         evaluation (its row above), start, success, diverged, steps
     diagnostics.safetensors  of each fit those that exhibits show, under "<folder>/<name>"
-    provenance.json          what a reader must know, by fit its times, host and versions, and by
-                             key what the controllers have learnt from
+    provenance.json          notes for readers, of each fit its times, host and versions, and by
+                             key the fields of controllers
 
-`bench pack` writes it, see `reports.reference`.
+`bench pack` writes it.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from safetensors.numpy import load_file
+from safetensors.numpy import load_file, save
 
-from bench.store import CONDITIONS, Source, Store
+from bench.combined import CombinedResults
+from bench.names import CONDITIONS
+from bench.results import Results
+from bench.source import Source
 from tasks.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,11 +37,13 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[1] / "reports" / "reference"
 """The folder of the results that are shipped."""
+SHOWN = ("eigenvalues", "imitation_error")
+"""The diagnostics that exhibits show."""
 
 
 def open_results(folder: Path) -> Source:
     """Returns the results in a folder of `bench run` or `bench pack`."""
-    return Packed(folder) if is_packed(folder) else Store(folder)
+    return Packed(folder) if is_packed(folder) else Results(folder)
 
 
 def shipped() -> Path:
@@ -57,17 +63,17 @@ def is_packed(folder: Path) -> bool:
 
 
 class Packed:
-    """Results in the small form, read as a `bench.store.Store` is."""
+    """Packed results, to read."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def frame(self) -> pd.DataFrame:
-        """See `bench.store.Store.frame`."""
+        """See `bench.source.Source.frame`."""
         return self._evaluations
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
-        """See `bench.store.Store.outcomes`."""
+        """See `bench.source.Source.outcomes`."""
         place = tuple(row[name] for name in ("folder", *CONDITIONS))
         return self._episodes[self._places[place]].reset_index(drop=True)
 
@@ -75,20 +81,20 @@ class Packed:
         """Returns None: they are not packed."""
 
     def diagnostics(self, folder: str) -> Parameters:
-        """See `bench.store.Store.diagnostics`."""
+        """See `bench.source.Source.diagnostics`."""
         found = (name.split("/", 1) for name in self._arrays)
         return {name: self._arrays[f"{fit}/{name}"] for fit, name in found if fit == folder}
 
     def facts(self, folder: str) -> dict[str, Any]:
-        """See `bench.store.Store.facts`."""
+        """See `bench.source.Source.facts`."""
         return dict(self._provenance["fits"][folder])
 
     def notes(self) -> list[str]:
-        """See `bench.store.Store.notes`."""
+        """See `bench.source.Source.notes`."""
         return list(self._provenance["notes"])
 
     def controller_spec(self, key: str) -> dict[str, Any]:
-        """See `bench.store.Store.controller_spec`."""
+        """See `bench.source.Source.controller_spec`."""
         return dict(self._provenance["controllers"][key])
 
     @cached_property
@@ -96,8 +102,7 @@ class Packed:
         import pandas as pd
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        settings = frame.get("settings", "")  # earlier versions did not note them
-        return frame.assign(config=frame.config.map(json.loads), settings=settings)
+        return frame.assign(config=frame.config.map(json.loads))
 
     @cached_property
     def _provenance(self) -> dict[str, Any]:
@@ -122,3 +127,50 @@ class Packed:
         table = table.drop(columns="evaluation").astype({"start": np.int64})
         bounds = [0, *ends, len(table)]
         return [table.iloc[a:b] for a, b in pairwise(bounds)]
+
+
+def pack(folders: Sequence[Path], out: Path) -> None:
+    """Writes results in the packed form, those of several folders as one.
+
+    Args:
+        folders: of `bench run` or `bench pack`.
+        out: where the files go, made if needed; it may be one of the folders.
+
+    Raises:
+        InputError: a folder holds no results, or others than a folder before it.
+    """
+    import pandas as pd
+
+    sources = [open_results(folder) for folder in folders]
+    results = CombinedResults([(source, source.frame()) for source in sources])
+    frame = results.frame()
+    if frame.empty:
+        raise InputError(f"{', '.join(map(str, folders))}: no evaluations to pack")
+    parts = [results.outcomes(row) for row in frame.to_dict("records")]
+    rows = np.repeat(np.arange(len(frame), dtype=np.int32), [len(part) for part in parts])
+    episodes = pd.concat(parts, ignore_index=True).astype({"start": np.int32})
+    episodes.insert(0, "evaluation", rows)
+    fits = frame.folder.unique()
+    arrays = {
+        f"{fit}/{name}": values
+        for fit in fits
+        for name, values in results.diagnostics(fit).items()
+        if name in SHOWN
+    }
+    keys = [key for key in frame.controller_key.unique() if key]
+    facts = {
+        "notes": results.notes(),
+        "fits": {fit: results.facts(fit) for fit in fits},
+        "controllers": {key: results.controller_spec(key) for key in keys},
+    }
+    table = frame.assign(config=frame.config.map(json.dumps))
+    out.mkdir(parents=True, exist_ok=True)
+    # Written elsewhere first: what is in out may be the only copy of a part.
+    with TemporaryDirectory(dir=out) as place:
+        new = Path(place)
+        episodes.to_parquet(new / "episodes.parquet", index=False, compression="zstd")
+        table.to_parquet(new / "evaluations.parquet", index=False)
+        (new / "diagnostics.safetensors").write_bytes(save(arrays))
+        (new / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
+        for path in sorted(new.iterdir()):
+            path.replace(out / path.name)

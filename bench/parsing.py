@@ -1,4 +1,4 @@
-"""Values as a command line writes them: lists of names, whole numbers, seeds and settings."""
+"""Parses values of a command line: lists of names, whole numbers, seeds and settings."""
 
 import json
 import re
@@ -21,7 +21,7 @@ def names(option: str, text: str) -> tuple[str, ...]:
     Spaces around a name and empty entries are ignored.
 
     Args:
-        option: where the list was given, for the message: ``--tasks``.
+        option: named in the message, such as ``--tasks``.
         text: the list.
 
     Raises:
@@ -38,7 +38,7 @@ def known_names(option: str, kind: str, text: str, known: Iterable[str]) -> tupl
 
     Args:
         option: see `names`.
-        kind: what is named, for the message: ``task``.
+        kind: of what is named, for the message, such as ``task``.
         text: see `names`.
         known: the names that exist.
 
@@ -77,7 +77,7 @@ def seeds(text: str) -> tuple[int, ...]:
     ``5`` means seeds 1 to 5, ``2,4`` those two, ``7,`` seed 7 alone, ``1-3,7`` seeds 1, 2, 3 and 7.
 
     Raises:
-        InputError: it is written otherwise, names no seed, or more than `MOST_SEEDS`.
+        InputError: the text has another form, names no seed, or more than `MOST_SEEDS`.
     """
     parts = [part.strip() for part in text.split(",") if part.strip()]
     if "," not in text and text.strip().isdecimal():
@@ -105,7 +105,7 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], 
             JSON or as a whole number like 10_000, and is a text otherwise.
 
     Raises:
-        InputError: a setting is written otherwise.
+        InputError: a setting has another form.
     """
     if isinstance(given, Mapping):
         return {_place(place, place): value for place, value in given.items()}
@@ -117,7 +117,7 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], 
 
 
 def _place(place: str, text: str) -> tuple[str, str]:
-    """The method and the field of ``METHOD.FIELD``; the text is for the message."""
+    """The method and the field of ``METHOD.FIELD``. The message shows the text."""
     method, _, field = (part.strip() for part in place.partition("."))
     if not (method and field):
         raise InputError(f"--set takes METHOD.FIELD=VALUE, such as nn.epochs=50, got {text!r}")
@@ -125,7 +125,7 @@ def _place(place: str, text: str) -> tuple[str, str]:
 
 
 def scalar(text: str) -> Any:
-    """Returns a value that is written as JSON or as a whole number, or else the text itself."""
+    """Parses JSON or a whole number; returns any other text as it is."""
     try:
         return json.loads(text)
     except ValueError:

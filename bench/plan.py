@@ -1,13 +1,14 @@
-"""What a study will cost: its cells, those missing, and the time, memory and disk that they need.
+"""What a study will cost: its missing results, and the time, memory and disk that they need.
 
-The costs are those of `bench.costs`, times the factor of this machine, which a short calibration
-measures. A method of a package is not among them: the fit of a few demonstrations for an epoch or
-two is measured here and now. What is measured is CPU time, which other work hardly adds to.
+Costs are those of `bench.costs`, times the factor of this machine, which a short calibration
+measures. The table lacks methods of packages: a fit of each to a few demonstrations, for an epoch
+or two, is measured here and now. All measurements are of CPU time, which other work hardly affects.
 """
 
 import os
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -16,23 +17,26 @@ from statistics import fmean
 from time import process_time
 
 from bench.admission import guests
+from bench.agenda import Agenda, make_agenda
 from bench.checking import known
-from bench.clock import schedule
+from bench.cores import simulator_threads
 from bench.costs import JOB_SECONDS
 from bench.doing import say
-from bench.driver import simulator_threads
-from bench.experiments import cells_of, recipes_of
 from bench.isolation import apart
+from bench.job_queue import Job, JobQueue, finishing_time, name_of
+from bench.jobs import EvaluationJob, FitJob, jobs_of
 from bench.machine import machine_factor, random_demos, warm_up
-from bench.pending import pending
+from bench.missing import find_missing
 from bench.presets import Study
+from bench.results import Results
 from bench.spec import Fit
-from bench.store import Store
+from bench.study_demos import demos_keys_of
 from bench.trained import trained
 from methods.base import Method, shortened
 from methods.registry import SUITE, introduced
 from tasks.errors import InputError, reason_of
 from tasks.registry import get_task
+from tasks.words import count_of
 
 BYTES_PER_STEP = 4
 """Of a stored episode: one reading after each control step."""
@@ -54,9 +58,9 @@ class Plan:
     cpu_hours: float
     """Of one core, by the calibration."""
     wall_hours: float
-    """With as many jobs as the run will have, each taking the next cell once it is free."""
+    """With the jobs at a time that were asked about."""
     longest_hours: float
-    """What the longest jobs of the rounds take, one after the other: more jobs do not help."""
+    """Of the longest chain of jobs of which each needs the one before: no run is faster."""
     memory_gib: float
     disk_gib: float
     free_gib: float
@@ -82,34 +86,57 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
 
 
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
-    cells = cells_of(study, recipes_of(study))
-    missing = pending(Store(folder), cells)
-    missing = replace(missing, controllers=[c for c in missing.controllers if not trained(c)])
+    say("listing what is missing")
+    results = Results(folder)
+    agenda = make_agenda(study, demos_keys_of(study), results)
+    queue = queue_of(agenda, results, jobs)
     say("measuring how fast this machine is")
-    factor = machine_factor()
-    work, walls = (
-        {name: [factor * cost.seconds for cost in costs] for name, costs in phases.items()}
-        for phases in (missing.costs(), missing.costs(simulator_threads(jobs)))
-    )
-    work["fits"] = walls["fits"] = blocks_seconds(missing.blocks, work["fits"])
-    episodes = sum(count for _, count in missing.episodes)
-    size = BYTES_PER_FIT * sum(map(len, missing.blocks)) + BYTES_PER_STEP * sum(
-        count * get_task(cell.fit.task).horizon for cell, count in missing.episodes
+    seconds = _prices(queue.waiting, machine_factor())
+    kinds = Counter[str]()
+    for job in queue.waiting:
+        kinds[job.kind] += job.cost.count
+    evaluations = [job for job in queue.waiting if isinstance(job, EvaluationJob)]
+    size = BYTES_PER_FIT * kinds["fits"] + BYTES_PER_STEP * sum(
+        job.episodes * get_task(job.cell.fit.task).horizon for job in evaluations
     )
     return Plan(
-        cells=len(cells),
-        missing_controllers=len(missing.controllers),
-        missing_fits=sum(map(len, missing.blocks)),
-        missing_evaluations=len(missing.episodes),
-        missing_episodes=episodes,
-        cpu_hours=sum(map(sum, work.values())) / 3600,
-        wall_hours=sum(schedule(sorted(seconds, reverse=True), jobs) for seconds in walls.values())
-        / 3600,
-        longest_hours=sum(max(seconds, default=0.0) for seconds in walls.values()) / 3600,
+        cells=len(agenda.cells),
+        missing_controllers=kinds["controllers"],
+        missing_fits=kinds["fits"],
+        missing_evaluations=len(evaluations),
+        missing_episodes=sum(job.episodes for job in evaluations),
+        cpu_hours=sum(seconds[name_of(job)] * _cores_of(job) for job in queue.waiting) / 3600,
+        wall_hours=finishing_time(queue.waiting, jobs, lambda job: seconds[name_of(job)]) / 3600,
+        longest_hours=queue.longest_chain(lambda job: seconds[name_of(job)]) / 3600,
         memory_gib=GIB_PER_JOB * jobs,
         disk_gib=size / 2**30,
         free_gib=free_disk(folder)[1],
     )
+
+
+def queue_of(agenda: Agenda, results: Results, workers: int) -> JobQueue:
+    """Returns the jobs of a run. Controllers that need no training have none."""
+    missing = find_missing(results, [cell.wanted for cell in agenda.cells])
+    controllers = [cell.controller for cell in agenda.cells if cell.controller]
+    ready = {spec.key for spec in controllers if spec.key in missing.controllers and trained(spec)}
+    missing, threads = missing.without(ready), simulator_threads(workers)
+    queue = JobQueue(jobs_of(agenda.known, missing, threads))
+    for choice in agenda.choices:
+        queue.add([choice, *jobs_of(choice.expected, missing, threads, choice.makes)])
+    queue.divide_long(workers)
+    return queue
+
+
+def _cores_of(job: Job) -> int:
+    return job.threads if isinstance(job, EvaluationJob) else 1
+
+
+def _prices(jobs: Sequence[Job], factor: float) -> dict[str, float]:
+    """The seconds of each job on this machine, by name."""
+    prices = {name_of(job): factor * job.cost.seconds for job in jobs}
+    fits = [job for job in jobs if isinstance(job, FitJob)]
+    costs = blocks_seconds([job.fits for job in fits], [prices[name_of(job)] for job in fits])
+    return prices | {name_of(job): cost for job, cost in zip(fits, costs, strict=True)}
 
 
 def _with_usable_methods(study: Study, introduce: Callable[[type[Method]], None]) -> Study:
@@ -194,5 +221,7 @@ def _measured(task_name: str, method: str, variant: str, size: str, seeds: int) 
     )
     seconds = process_time() - began
     if len(fitted) != seeds:
-        raise InputError(f"fit_seeds returned {len(fitted)} methods for {seeds} seeds")
+        raise InputError(
+            f"fit_seeds returned {count_of(len(fitted), 'method')} for {count_of(seeds, 'seed')}"
+        )
     return seconds / (epochs * len(training))

@@ -1,4 +1,4 @@
-"""Studies that have a name: what is run, and how thoroughly."""
+"""Presets: studies with a name, which say what runs and with how many episodes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,30 +12,30 @@ from tasks.registry import TASKS
 
 @dataclass(frozen=True)
 class Study:
-    """What a run asks for; `bench.experiments` turns it into cells."""
+    """What a run computes. `bench.experiments` turns it into cells."""
 
     episodes: Mapping[str, int]
-    """Episodes of each evaluation, by experiment; an experiment that is not named is not run."""
+    """By experiment, the episodes of each evaluation. Only the experiments named here run."""
     tasks: tuple[str, ...] = TASKS
     methods: tuple[str, ...] = SUITE
     expert: bool = True
     """Whether the expert is evaluated too."""
     sizes: tuple[str, ...] | None = None
-    """Sizes that `sizes` compares, all unless told; ``smallest`` names the first of each method.
-    Of a method that has none of them all are compared."""
+    """Sizes that the experiment ``sizes`` compares; ``smallest`` names the first of each method. A
+    method that has none of them is compared at all its sizes. Default: all."""
     variants: tuple[str, ...] | None = None
-    """Variants that `audit` compares, all unless told."""
+    """Variants that the experiment ``audit`` compares. Default: all."""
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
     demos: int = 200
-    recipes: Mapping[str, str] = field(default_factory=dict)
-    """By task, the key of demonstrations to learn from in place of the expert's."""
+    demos_keys: Mapping[str, str] = field(default_factory=dict)
+    """By task, the key of the demonstrations to learn from. Default: the expert's."""
     epochs_share: float = 1.0
-    """Share of a method's epochs, where its config has such a field."""
+    """The share of its epochs that a method trains for, if its config has such a field."""
     settings: Mapping[tuple[str, str], Any] = field(default_factory=dict)
-    """Values in place of a config's own, by method and field."""
+    """By method and field of its config, values that replace the config's own."""
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     note: str = ""
-    """What a reader of the tables must know."""
+    """What a reader of the tables needs to know."""
 
 
 def get_preset(name: str) -> Study:

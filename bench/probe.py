@@ -20,6 +20,7 @@ from tasks.data import Demos, FloatArray, Layout
 from tasks.demos import TRAINING, VALIDATION, split
 from tasks.recorder import make_demos
 from tasks.simulator import Policy, rollout
+from tasks.words import count_of
 
 
 class Recorded(MotionMethod):
@@ -65,7 +66,7 @@ def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -
     controller = Controller(train_controller(config, training, task.name))
     kodex = Kodex(Kodex.sizes["single"], task.layout)
     kodex.fit(training, validation, 0)
-    say(f"evaluating the controller and KODex in {episodes} episodes")
+    say(f"evaluating the controller and KODex in {count_of(episodes, 'episode')}")
     tracked = rollout(task, validation.starts, TrackedMotion(Recorded(validation), controller))
     starts = task.sample("probe", episodes)
     imitated = rollout(task, starts, TrackedMotion(kodex, controller))

@@ -2,7 +2,7 @@
 
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 
 from rich.console import Console
@@ -10,12 +10,14 @@ from rich.live import Live
 from rich.text import Text
 
 from bench.clock import Clock, counted, headline, running
-from bench.costs import Cost
 from bench.doing import hush
+from bench.job_queue import Job
 from bench.run_state import StateFile
 
 EVERY = 30.0
 """Seconds between two plain lines."""
+SHOWN = 1.0
+"""Seconds for which a terminal shows the same lines."""
 SAVED = 10.0
 """Seconds between two states in the file while nothing happens."""
 
@@ -27,7 +29,7 @@ class Progress:
     """
 
     def __init__(self, title: str, clock: Clock, file: StateFile, now: Callable[[], float]) -> None:
-        """Shows nothing before the first phase begins.
+        """Shows nothing until `begin`.
 
         Args:
             title: of the run, for people to read.
@@ -40,6 +42,7 @@ class Progress:
         self._ended = threading.Event()
         self._ticking = threading.Thread(target=self._tick, daemon=True)
         self._begun = self._news = False
+        self._shown, self._shown_at = "", -SHOWN
         self._said = self._saved = 0.0
         console = Console(stderr=True)
         self._live = Live(
@@ -64,44 +67,31 @@ class Progress:
         elif self._begun:
             self._keep(ended=True)
 
-    def expect(self, wave: str, phases: Mapping[str, Sequence[Cost]]) -> None:
-        """See `bench.clock.Clock.expect`."""
-        with self._lock:
-            self._clock.expect(wave, phases)
+    def begin(self) -> None:
+        """Shows the clock from now on, if there is anything to do."""
+        if self._clock.over:
+            return
+        self._begun = True
+        hush()
+        self._say()
+        self._keep()
+        self._ticking.start()
+        if not self._plain:
+            self._live.start()
 
-    def begin(self, wave: str, name: str, costs: Sequence[Cost]) -> None:
-        """See `bench.clock.Clock.begin`."""
-        with self._lock:
-            self._clock.begin(wave, name, costs)
-            self._news = True
-        if not self._begun:
-            self._begun = True
-            hush()
-            self._say()
-            self._keep()
-            self._ticking.start()
-            if not self._plain:
-                self._live.start()
-
-    def start(self, index: int, label: str) -> None:
+    def start(self, job: Job) -> None:
         """See `bench.clock.Clock.start`."""
         with self._lock:
-            self._clock.start(index, label, self._now())
+            self._clock.start(job, self._now())
             self._news = True
 
-    def end(self, index: int, seconds: float, failed: bool = False) -> None:
+    def end(self, job: Job, seconds: float, failed: bool = False) -> None:
         """See `bench.clock.Clock.end`."""
         with self._lock:
-            self._clock.end(index, seconds, self._now(), failed)
+            self._clock.end(job, seconds, self._now(), failed)
             self._news = True
-            if self._clock.phase_over:
-                self._say()
-
-    def split(self, index: int) -> None:
-        """See `bench.clock.Clock.split`."""
-        with self._lock:
-            self._clock.split(index, self._now())
-            self._news = True
+        if self._clock.over:
+            self._say()
 
     def _tick(self) -> None:
         while not self._ended.wait(1.0):
@@ -129,13 +119,15 @@ class Progress:
 
     def _render(self) -> Text:
         with self._lock:
-            return Text("\n ".join(self._lines()), no_wrap=True, overflow="crop")
+            if self._now() - self._shown_at >= SHOWN:
+                self._shown, self._shown_at = "\n ".join(self._lines()), self._now()
+            return Text(self._shown, no_wrap=True, overflow="crop")
 
     def _lines(self) -> list[str]:
         state = self._clock.state(self._now())
         now = running(state)
         return [
             f"{self._title}: {headline(state)}",
-            *counted(state),
+            counted(state),
             *([f"now: {now}"] if now else []),
         ]

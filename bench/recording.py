@@ -16,6 +16,7 @@ from tasks.errors import InputError, described, unknown_name
 from tasks.recorder import collect, record
 from tasks.registry import get_task
 from tasks.simulator import Simulator
+from tasks.words import count_of
 
 Attempt = tuple[BoolArray, Demos]
 """From which starts (B,) the policy succeeded, and what it did there."""
@@ -39,10 +40,14 @@ def record_policy(
     """
     check_place(place)
 
+    successes = 0
+
     def attempt(starts: Starts) -> Attempt:
+        nonlocal successes
         found = _attempt_apart(task, place, starts)
-        first, last = starts.index[[0, -1]]
-        tell(f"starts {first} to {last}: {found[0].sum()} of {len(starts)} succeed")
+        successes += int(found[0].sum())
+        tried = count_of(int(starts.index[-1]) + 1, "start")
+        tell(f"{tried} tried, {count_of(successes, 'success', 'successes')} found, {count} wanted")
         return found
 
     return collect(get_task(task), count, place, attempt)
@@ -139,6 +144,7 @@ class OwnPolicy:
         bad = np.flatnonzero(~np.isfinite(actions).all(axis=1) & simulator.running)
         if bad.size:
             raise InputError(
-                f"{what} must be finite; it is not for {bad.size} of {len(actions)} starts"
+                f"{what} must be finite; it is not for {bad.size} of"
+                f" {count_of(len(actions), 'start')}"
             )
         return actions

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tasks.words import count_of
+
 if TYPE_CHECKING:
-    from bench.store import Store
+    from bench.results import Results
 
 
 def who_answers(method: str, variant: str, task: str, seeds: Sequence[int]) -> str:
@@ -15,14 +17,14 @@ def who_answers(method: str, variant: str, task: str, seeds: Sequence[int]) -> s
     return f"{name} on {task}, {noun} {', '.join(map(str, seeds))}"
 
 
-def remarks(store: "Store") -> list[str]:
+def remarks(results: "Results") -> list[str]:
     """Returns a line for each method and task with such answers in what the study asks for.
 
     For example ``badact on door, seed 1: act returned NaN or inf for 17 of 20 starts, first at
     t=30; these episodes diverge there, which is a failure``. Evaluations and seeds are added up.
     """
     found: dict[tuple[str, str, str, str], list[_Said]] = {}
-    for spec, episodes, chunks in store.non_finite():
+    for spec, episodes, chunks in results.non_finite():
         place = (spec["method"], spec["variant"], spec["task"], chunks[0].call)
         starts, first = sum(one.starts for one in chunks), min(one.first for one in chunks)
         found.setdefault(place, []).append(_Said(spec["seed"], starts, episodes, first))
@@ -45,6 +47,6 @@ def _line(method: str, variant: str, task: str, call: str, said: Sequence[_Said]
     where = f" in {len(said)} evaluations" if len(said) > 1 else ""
     first = min(one.first for one in said)
     return (
-        f"{who}: {call} returned NaN or inf for {starts} of {episodes} starts{where}, first at"
-        f" t={first}; these episodes diverge there, which is a failure"
+        f"{who}: {call} returned NaN or inf for {starts} of {count_of(episodes, 'start')}{where},"
+        f" first at t={first}; these episodes diverge there, which is a failure"
     )

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.driver import learnt
+from bench.computing import make_policy
 from bench.isolation import apart
-from bench.jobs import make_policy
+from bench.jobs import stored_bytes
 from bench.labels import plain
+from bench.results import Results
 from bench.rollout import TrackedMotion
 from bench.spec import EXPERT
-from bench.store import Store
 from bench.verify import stored_cell
 from methods.guard import guarded
 from methods.registry import SUITE
@@ -101,7 +101,7 @@ def replay(
 
     Args:
         folder: results of `bench run`.
-        row: of `bench.store.Store.frame`, of the split ``test`` or ``ood``.
+        row: of `bench.source.Source.frame`, of the split ``test`` or ``ood``.
         starts: index of one or more starts.
         whole: go on after success is decided, which ends a stored episode.
 
@@ -124,9 +124,9 @@ def replay(
 
 
 def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: bool) -> Replay:
-    store = Store(folder)
-    cell = stored_cell(store, row, row["episodes"])
-    evaluation, stored = cell.evaluation, learnt(store, cell)
+    results = Results(folder)
+    cell = stored_cell(results, row, row["episodes"])
+    evaluation, stored = cell.evaluation, stored_bytes(cell, results)
     task = get_task(evaluation.task, evaluation.rule)
     every = task.sample(evaluation.split, cell.episodes)
     parts = []

@@ -1,6 +1,5 @@
 """The clock of a run as a file of its results folder, for `bench status` in another shell."""
 
-import json
 import platform
 import time
 from collections.abc import Mapping
@@ -9,33 +8,33 @@ from typing import Any
 
 import psutil
 
-from bench.store import FORMAT, Store
+from bench.results_writer import ResultsWriter
+from bench.sealed_files import DamagedError, read_record, seal_record
 
 NAME = "progress.json"
 SILENCE = 60.0
 """Seconds without news after which a run on another host counts as stopped."""
-_PHASE = {"wave": str, "name": str, "done": int, "of": int, "failed": int}
+_KIND = {"name": str, "done": int, "of": int, "failed": int}
 _JOB = {"label": str, "seconds": float}
 
 
 class StateFile:
     """The file of a run, for the process that runs it."""
 
-    def __init__(self, store: Store) -> None:
-        self._store, self._path = store, store.folder / NAME
+    def __init__(self, writer: ResultsWriter) -> None:
+        self._writer, self._path = writer, writer.folder / NAME
 
     def write(self, state: Mapping[str, Any], ended: bool = False) -> None:
         """Writes what `bench.clock.Clock.state` gives, and whether the run has been ended."""
         me = psutil.Process()
         entry = {
-            "format": FORMAT,
             "written": time.time(),
             "host": platform.node(),
             "pid": me.pid,
             "started": me.create_time(),
             "ended": ended,
         }
-        self._store.write(self._path, json.dumps(entry | dict(state), indent=1).encode())
+        self._writer.write(self._path, seal_record(entry | dict(state)))
 
     def remove(self) -> None:
         """Removes the file, once there is nothing left to do."""
@@ -49,16 +48,16 @@ def read_state(folder: Path) -> dict[str, Any] | None:
     ``running``, whether it does. None if there is no such run, or its file cannot be read.
     """
     try:
-        found = json.loads((folder / NAME).read_bytes())
+        found = read_record(folder / NAME)
         state: dict[str, Any] = {
             "running": _lives(found),
             "gone": float(found["gone"]),
             "left": float(found["left"]),
-            "phases": [_typed(phase, _PHASE) for phase in found["phases"]],
+            "kinds": [_typed(kind, _KIND) for kind in found["kinds"]],
             "now": [_typed(job, _JOB) for job in found["now"]],
         }
         age = max(0.0, time.time() - float(found["written"])) if state["running"] else 0.0
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
+    except (DamagedError, ValueError, KeyError, TypeError, OverflowError):
         return None
     state |= {"gone": state["gone"] + age, "left": max(0.0, state["left"] - age)}
     for job in state["now"]:

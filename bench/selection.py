@@ -1,19 +1,74 @@
-"""Model selection: the size of a method that all experiments but `sizes` use."""
+"""The sizes that a study compares, and the one of each method that all other experiments use."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import pandas as pd
+from bench.labels import VALIDATION
+from bench.presets import SMALLEST, Study
+from methods.base import Method
+from methods.registry import get_method
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Sizes = Mapping[tuple[str, str], str]
+"""By task and method, the size that does best on validation starts."""
 
 
-def best_size(evaluations: pd.DataFrame, sizes: Sequence[str]) -> str:
-    """Returns the size of the highest mean success over seeds; ties go to the earlier (Tables 2-5).
+def best_size(evaluations: "pd.DataFrame", sizes: Sequence[str]) -> str:
+    """Returns the size of the highest mean success over seeds (Tables 2-5).
+
+    Of sizes with the same mean, the first is chosen. A size without evaluations comes last.
 
     Args:
         evaluations: of one task and method from validation starts, with the columns ``size``,
             ``successes`` and ``episodes``.
-        sizes: that there is a choice of; one without evaluations comes last.
+        sizes: to choose from.
     """
     rates = evaluations.successes / evaluations.episodes
     # Means of the same rates in another order differ in their last digit.
     means = rates.groupby(evaluations["size"]).mean().round(9)
     return max(sizes, key=lambda size: float(means.get(size, -1.0)))
+
+
+def chosen_sizes(study: Study, frame: "pd.DataFrame") -> dict[tuple[str, str], str]:
+    """Returns by task and method the size that does best on validation starts, see `best_size`.
+
+    Args:
+        study: its tasks and methods are looked at.
+        frame: stored evaluations, with the columns `bench.source.COLUMNS`.
+    """
+    if frame.empty:
+        return {}
+    compared = frame[
+        (frame.split == VALIDATION)
+        & (frame.variant == "described")
+        & (frame.demos == study.demos)
+        & frame.seed.isin([0, *study.seeds])
+    ]
+    chosen = {}
+    for (task, name), part in compared.groupby(["task", "method"]):
+        if task in study.tasks and name in study.methods:
+            sizes = compared_sizes(study, get_method(name))
+            if part["size"].isin(sizes).any():
+                chosen[task, name] = best_size(part, sizes)
+    return chosen
+
+
+def compared_sizes(study: Study, method: type[Method]) -> list[str]:
+    """Returns the sizes of a method that the study compares.
+
+    These are all sizes of the method if it has none of those that the study names.
+    """
+    known = list(method.sizes)
+    named = [known[0] if size == SMALLEST else size for size in study.sizes or ()]
+    return [size for size in known if size in named] or known
+
+
+def used_size(study: Study, method: type[Method], task: str, chosen: Sizes) -> str:
+    """Returns the size of a method in every experiment but ``sizes``."""
+    if (task, method.name) in chosen:
+        return chosen[task, method.name]
+    compared = compared_sizes(study, method)
+    default = method.default_size.get(task, compared[0])
+    return default if default in compared else compared[0]

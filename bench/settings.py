@@ -1,62 +1,110 @@
-"""Values for the fields of a method's config, checked against the types that the fields declare."""
+"""Checks of the names and the settings (`--set`) of a study."""
 
-import json
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any, get_type_hints
 
-from bench.parsing import scalar
-from tasks.errors import InputError
-
-
-def fits_type(value: Any, hint: Any) -> bool:
-    """Whether a value is of the type that a field declares."""
-    if get_origin(hint) in (Union, UnionType):
-        return any(fits_type(value, option) for option in get_args(hint))
-    if get_origin(hint) is tuple:
-        inner = get_args(hint)
-        if not isinstance(value, list | tuple):
-            return False
-        right_length = inner[-1] is Ellipsis or len(value) == len(inner)
-        return right_length and all(fits_type(v, inner[0]) for v in value)
-    if isinstance(value, bool) or hint is bool:
-        return isinstance(value, bool) and hint is bool
-    if hint is float:
-        return isinstance(value, int | float) and -1e300 < value < 1e300  # and so not NaN
-    return isinstance(value, hint)
+from bench.field_types import fits_type, typed, wrong_type
+from bench.fits import compared_variants
+from bench.presets import PRESETS, SMALLEST, Study
+from bench.selection import compared_sizes
+from methods.base import Method
+from methods.contract import resolved
+from methods.kodex import LIFTING_VARIANTS
+from methods.registry import SUITE, get_method
+from tasks.errors import InputError, unknown_name
 
 
-def typed(value: Any, hint: Any) -> Any:
-    """Returns a value in the type that a field declares, or as it is if it cannot be.
+def check_names(study: Study) -> None:
+    """Raises InputError if the sizes or variants of a study cannot be compared.
 
-    A tuple may be written as ``64,32``, ``(64, 32)`` or ``[64, 32]``; 1 becomes 1.0 in a field of
-    floats, and 1e3 becomes 1000 in a field of integers.
+    A size or variant is unknown to every method of the study, or there are variants without the
+    experiment ``audit``, which compares them.
     """
-    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    tuples = [option for option in options if get_origin(option) is tuple]
-    if tuples and isinstance(value, str) and str not in options and "," in value:
-        parts = value.strip().strip("()[]").split(",")
-        value = [scalar(part) for part in parts if part.strip()]
-    if tuples and isinstance(value, list | tuple):
-        return tuple(typed(one, get_args(tuples[0])[0]) for one in value)
-    if float in options and int not in options and fits_type(value, float):
-        return float(value)
-    if int in options and float not in options and isinstance(value, float) and value.is_integer():
-        return int(value)
-    return tuple(value) if isinstance(value, list) else value  # as configs have them
+    methods = [get_method(name) for name in study.methods]
+    sizes = dict.fromkeys([SMALLEST, *(size for method in methods for size in method.sizes)])
+    variants = dict.fromkeys(variant for method in methods for variant in method.variants)
+    for kind, names, known in (
+        ("size", study.sizes, sizes),
+        ("variant", study.variants, variants),
+    ):
+        for name in names or ():
+            if name not in known:
+                raise _unknown_label(study, kind, name, known)
+    if study.variants is not None and "audit" not in study.episodes:
+        presets = [name for name, preset in PRESETS.items() if "audit" in preset.episodes]
+        raise InputError(
+            "variants are compared by the experiment audit, which is not among the experiments of"
+            f" the run ({', '.join(study.episodes)}); presets with audit: {', '.join(presets)}"
+        )
 
 
-def wrong_type(place: str, hint: Any, value: Any, default: Any) -> InputError:
-    """Returns the error for a value of another type than its field declares.
+def _unknown_label(study: Study, kind: str, name: str, known: Iterable[str]) -> InputError:
+    """The error for a size or variant that no method of the study has."""
+    others = [other for other in SUITE if name in getattr(get_method(other), f"{kind}s")]
+    if not others:
+        return unknown_name(kind, name, known)
+    return InputError(
+        f"no method of the run ({', '.join(study.methods)}) has the {kind} {name!r}; methods that"
+        f" have it: {', '.join(others)}. Choose from {', '.join(known)}, or change --methods"
+    )
 
-    Args:
-        place: the field, ``METHOD.FIELD``.
-        hint: the type that it declares.
-        value: what was given.
-        default: the field's own value, which shows how one is written.
+
+def check_settings(study: Study) -> None:
+    """Raises InputError if a setting of a study cannot be used.
+
+    Its method is not in the study, its field does not exist or has another type, or an experiment
+    of the study compares several values of that field.
     """
-    shown = hint.__name__ if isinstance(hint, type) and not get_args(hint) else hint
-    if isinstance(default, list | tuple):
-        example = ",".join(map(json.dumps, default)) + "," * (len(default) == 1)
-    else:
-        example = json.dumps(default)
-    return InputError(f"{place} takes {shown}, got {value!r}; for example --set {place}={example}")
+    for (name, field), value in study.settings.items():
+        _check_method(study, name, field)
+        for variant in _requested_variants(study, get_method(name)):
+            _check_value(name, variant, field, value)
+        _check_not_compared(study, name, field)
+
+
+def _check_method(study: Study, name: str, field: str) -> None:
+    if name not in study.methods:
+        get_method(name)
+        raise InputError(
+            f"{name}.{field} is set, but {name} is not among the methods of the run"
+            f" ({', '.join(study.methods)}): add it with --methods, or leave the setting out"
+        )
+
+
+def _check_value(name: str, variant: str, field: str, value: Any) -> None:
+    config = next(iter(get_method(name, variant).sizes.values()))
+    known = [other.name for other in fields(config)]
+    if field not in known:
+        raise unknown_name(f"config field of {name} as {variant}", field, known)
+    hint = get_type_hints(type(config))[field]
+    if not fits_type(typed(value, hint), hint):
+        raise wrong_type(f"{name}.{field}", hint, value, getattr(config, field))
+
+
+def _check_not_compared(study: Study, name: str, field: str) -> None:
+    for experiment, compared in _compared_fields(study, get_method(name)).items():
+        if field in compared and experiment in study.episodes:
+            raise InputError(
+                f"{name}.{field} is what {experiment} compares: leave that out with"
+                " --experiments, or the setting"
+            )
+
+
+def _requested_variants(study: Study, method: type[Method]) -> list[str]:
+    """The variants of a method that the study may fit."""
+    audited = compared_variants(study, method) if "audit" in study.episodes else []
+    return list(dict.fromkeys(["described", *audited]))
+
+
+def _compared_fields(study: Study, method: type[Method]) -> dict[str, set[str]]:
+    """By experiment, the config fields of a method that it compares several values of."""
+    variants = {"audit": compared_variants(study, method), "lifting": LIFTING_VARIANTS}
+    compared = {
+        experiment: {field for name in names for field in method.variants.get(name, ())}
+        for experiment, names in variants.items()
+    }
+    configs = [resolved(method.sizes[size]) for size in compared_sizes(study, method)]
+    first = configs[0]
+    differ = {field for config in configs for field in first if config[field] != first[field]}
+    return compared | {"sizes": differ}

@@ -1,7 +1,7 @@
-"""What is fitted and how it is evaluated, and the keys by which results are found again.
+"""Fits, evaluations and controllers as values, with the keys that identify their results.
 
-A key hashes resolved values alone: never an order, a path, a time, or a number of episodes, since
-more episodes extend the same evaluation.
+A key hashes resolved values only. Order, paths, times and the number of episodes are not part of
+it: more episodes extend the same evaluation.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,37 +11,30 @@ from typing import Any
 
 import mujoco
 
-from bench.controller import (
-    ON_SUCCESSES,
-    ORIGINAL,
-    ORIGINAL_SEED,
-    RESEEDED,
-    TUNED,
-    UNCLIPPED,
-    ControllerConfig,
-)
+from bench.controller import FIRST_SEED, ControllerConfig
+from bench.controller_kinds import KINDS, ORIGINAL, controller_name
+from bench.labels import DEMOS_DIGITS
 from bench.labels import EXPERT as EXPERT
-from bench.labels import RECIPE_DIGITS
-from bench.store import evaluation_name
+from bench.labels import VALIDATION as VALIDATION
+from bench.manifest import Name, Wanted
+from bench.names import evaluation_name
 from methods.base import Method, fits_together
 from methods.contract import build
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
 from tasks.demos import demos_key
-from tasks.errors import unknown_name
+from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, physics_names
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import CHUNK
 
-VALIDATION = "validation"
-"""The starts of the validation demonstrations, as a split."""
 EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A method with all that decides what it learns."""
+    """A method with everything that decides what it learns."""
 
     task: str
     method: str
@@ -50,30 +43,30 @@ class Fit:
     config: Mapping[str, Any]
     """Every field of the method's config."""
     demos: int
-    """N, the first so many training demonstrations."""
+    """N: the first N training demonstrations are learnt from."""
     seed: int
-    recipe: str
-    """Key of what the demonstrations are made from."""
+    demos_key: str
+    """Key of the demonstrations, see `tasks.demos.demos_key`."""
     settings: str = ""
     """What `--set` has changed of the config, such as ``hidden=64``, see `bench.labels`."""
 
     @cached_property
     def key(self) -> str:
-        """Names the fit; the config has a part in it, and neither its size nor what was set."""
+        """Identifies the fit. The config is part of it, and so its size and settings are not."""
         version = 0 if self.method == EXPERT else get_method(self.method, self.variant).version
-        values = {k: value for k, value in asdict(self).items() if k not in ("size", "settings")}
+        values = {k: v for k, v in asdict(self).items() if k not in ("size", "settings")}
         return key("fit", version, values)
 
     @property
     def label(self) -> str:
-        """A name for people to read, of a folder or in a message, of what a study asks for.
+        """A readable name, for folders and messages.
 
-        Of fits under one label a study shows the last that was asked for.
+        Two fits may share a label. The results then show the one that a run requested last.
         """
         if self.method == EXPERT:
             return f"{self.task}-{self.method}"
-        own = self.recipe == demos_key(get_task(self.task))
-        origin = "" if own else self.recipe[:RECIPE_DIGITS]
+        own = self.demos_key == demos_key(get_task(self.task))
+        origin = "" if own else self.demos_key[:DEMOS_DIGITS]
         parts = [self.task, self.method, self.settings, self.variant, self.size]
         parts += [f"n{self.demos}", origin, f"s{self.seed}"]
         return "-".join(part for part in parts if part)
@@ -89,10 +82,10 @@ class Fit:
 
 
 def seed_blocks(fits: Iterable[Fit]) -> list[list[Fit]]:
-    """Returns the fits in groups that are fitted together.
+    """Returns the fits in groups that train together.
 
-    A group differs in its seeds alone. A method that does not train seeds together has a group for
-    each, so that no seed depends on what another has left behind.
+    The fits of a group differ in their seeds only. A method that does not train seeds together has
+    one group for each seed, so that no seed affects another.
     """
     blocks: dict[str, list[Fit]] = {}
     for fit in fits:
@@ -103,20 +96,20 @@ def seed_blocks(fits: Iterable[Fit]) -> list[list[Fit]]:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The conditions in which a fit is put to the test.
+    """The conditions of an evaluation.
 
     Raises:
-        InputError: there is no such split, physics or rule.
+        InputError: there is no such split, physics or success rule.
     """
 
     task: str
     split: str
     physics: str = NOMINAL
     controller: str = ORIGINAL
-    """Name of what tracks a predicted motion; none for what acts by itself."""
+    """Name of the controller that tracks a predicted motion; none for what acts by itself."""
     controller_key: str = ""
     rule: str = APPENDIX
-    """By which success is judged."""
+    """The rule that decides on success."""
 
     def __post_init__(self) -> None:
         if self.split not in EVALUATION_SPLITS:
@@ -132,63 +125,79 @@ class Evaluation:
         return evaluation_name(asdict(self))
 
     def key(self, fit: Fit) -> str:
-        """Names what comes of a fit in these conditions."""
+        """Identifies the results of a fit in these conditions."""
         task = get_task(self.task, self.rule)
         rules = [task.version, task.model_hash, task.steps, CHUNK]
-        # The task's own recipe says which MuJoCo there is; one of a file does not.
-        if fit.recipe != demos_key(get_task(self.task)):
+        # The key of the expert's demonstrations includes the version of MuJoCo; a file's does not.
+        if fit.demos_key != demos_key(get_task(self.task)):
             rules.append(mujoco.__version__)
         return key("evaluation", fit.key, asdict(self), rules)
 
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A tracking controller with all that decides what it learns."""
+    """A tracking controller with everything that decides what it learns.
+
+    Raises:
+        InputError: there is no such kind, or controllers of that kind do not learn in that physics.
+    """
 
     task: str
+    kind: str
+    """Says what it learns from, see `bench.controller_kinds`."""
     config: ControllerConfig
     demos: int
-    recipe: str
-    """Key of what its demonstrations are made from; the task's own where it learns from what the
-    expert does elsewhere, or raw."""
+    """How many demonstrations it learns from, or how many rollouts of the expert."""
+    demos_key: str
+    """Key of the demonstrations; of the suite's own if the controller learns from new rollouts of
+    the expert."""
     physics: str = NOMINAL
-    """Where its demonstrations are from; where it is not nominal, the controller is expert-tuned:
-    it learns from the expert's first rollouts there (appendix I)."""
-    failures: bool = True
-    """Whether those rollouts are kept that fail."""
-    raw: bool = False
-    """Whether it learns the expert's actions as they were given, instead of clipped to [-1, 1]."""
-    seed: int = ORIGINAL_SEED
-    """Of its random numbers."""
+    """Where the rollouts that it learns from are recorded."""
+    seed: int = FIRST_SEED
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise unknown_name("kind of controller", self.kind, KINDS)
+        if KINDS[self.kind].changed_physics == (self.physics == NOMINAL):
+            place = "changed" if KINDS[self.kind].changed_physics else NOMINAL
+            raise InputError(
+                f"a controller of the kind {self.kind} learns in {place} physics, got"
+                f" {self.physics!r}"
+            )
 
     @cached_property
     def key(self) -> str:
-        """Names the controller."""
-        learnt = (self.demos, self.recipe, self.physics, self.failures, self.raw)
-        # The original's keys are from before there were other seeds, and do not name it.
-        seed = () if self.seed == ORIGINAL_SEED else (self.seed,)
-        return key("controller", self.task, self.config.resolved(), (*learnt, *seed))
+        """Identifies the controller."""
+        return key("controller", asdict(self) | {"config": self.config.resolved()})
 
     @property
     def name(self) -> str:
         """What its evaluations call it."""
-        if self.physics == NOMINAL:
-            if self.raw:
-                return UNCLIPPED
-            return ORIGINAL if self.seed == ORIGINAL_SEED else RESEEDED[self.seed]
-        return TUNED if self.failures else ON_SUCCESSES
+        return controller_name(self.kind, self.seed)
 
     @property
     def label(self) -> str:
-        """A name for people to read."""
+        """A readable name, for folders and messages."""
         return f"{self.task}-{self.name}-{self.physics}"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One fit, one evaluation of it, and how many episodes are asked for."""
+    """A fit, an evaluation of it, and the number of episodes."""
 
     fit: Fit
     evaluation: Evaluation
     episodes: int
     controller: ControllerSpec | None = None
+
+    @cached_property
+    def wanted(self) -> Wanted:
+        """The cell as results folders know it."""
+        fit, controller = self.fit, self.controller
+        return Wanted(
+            Name(fit.label, fit.key),
+            Name(self.evaluation.name, self.evaluation.key(fit)),
+            self.episodes,
+            Name(controller.label, controller.key) if controller else None,
+            fit.method != EXPERT,
+        )

@@ -1,4 +1,4 @@
-"""A study made of a preset and what differs from it: one place for `bench run` and `bench.run`."""
+"""Makes a study of a preset and options, for `bench run` and `bench.run` alike."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Names = str | Sequence[str]
 
 
 class Options(TypedDict, total=False):
-    """What can differ from a preset. None leaves it as it is."""
+    """The options that change a preset. None changes nothing."""
 
     experiments: Names | None
     tasks: Names | None
     methods: Names | None
-    """The expert is evaluated where it is named, or no methods are."""
+    """Without ``expert`` among them, the expert is not evaluated."""
     sizes: Names | None
     """Model sizes to compare."""
     variants: Names | None
@@ -39,7 +39,7 @@ class Options(TypedDict, total=False):
 
 
 def study_of(study: str | Study, **options: Unpack[Options]) -> Study:
-    """Returns a study with the changes that the options ask for.
+    """Returns a study, changed by options.
 
     Args:
         study: name of a preset, or a study.
@@ -117,7 +117,7 @@ def _seeds(study: Study, seeds: str | int | Sequence[int]) -> Study:
 
 
 def _demos(study: Study, files: str | Path | Sequence[str | Path]) -> Study:
-    from bench.experiments import learning_from
+    from bench.study_demos import learning_from
 
     several = [files] if isinstance(files, str | Path) else files
     return learning_from(study, [Path(file) for file in several])
@@ -128,7 +128,7 @@ def _settings(study: Study, settings: Mapping[str, Any] | Sequence[str]) -> Stud
 
 
 def _text(values: str | Sequence[Any]) -> str:
-    """The values as a command line writes them; the last comma keeps a lone seed from counting."""
+    """The values as a command line has them. The last comma makes a lone number a seed."""
     return values if isinstance(values, str) else "".join(f"{value}," for value in values)
 
 
@@ -143,4 +143,4 @@ _CHANGES: Mapping[str, Callable[[Study, Any], Study]] = {
     "demos": _demos,
     "settings": _settings,
 }
-"""By option, what it changes, in this order: demonstrations are those of the tasks chosen."""
+"""By option, how it changes a study. Files of demonstrations come after the tasks they must fit."""

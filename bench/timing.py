@@ -7,13 +7,14 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from bench.backend import Call, Interrupts, answers, workers
+from bench.backend import Call, Listed, Workers, answers, workers
+from bench.computing import fit_methods
 from bench.doing import say
-from bench.driver import training_demos, validation_demos
+from bench.interrupts import Interrupts
 from bench.isolation import Failure
-from bench.jobs import fit_job
+from bench.results_writer import writing
 from bench.spec import EXPERT, VALIDATION, Fit
-from bench.store import Store
+from bench.training_data import training_demos, validation_demos
 from bench.verify import stored_fit
 from methods.kodex import LIFTING_VARIANTS
 from tasks.data import Demos
@@ -36,28 +37,27 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         InputError: there are no results, they are from other demonstrations than this installation
             makes, or another run writes to the folder.
     """
-    from bench.backend import Workers
-
-    store, where = Store(folder), Workers(1)
-    with store.locked():
-        frame = store.frame()
+    where = Workers(1)
+    with writing(folder) as writer:
+        frame = writer.results.frame()
         shown = frame[
             (frame.split != VALIDATION)
             & (frame.method != EXPERT)
             & frame.variant.isin(["described", *LIFTING_VARIANTS])
         ]
-        group = ["task", "method", "settings", "variant", "size", "demos", "recipe"]
+        group = ["task", "method", "settings", "variant", "size", "demos", "demos_key"]
         firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
         missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
         timed = 0
         calls = [partial(_call, row) for row in missing]
         with workers(where), Interrupts() as interrupts:
-            for index, answer in answers(calls, where, interrupts):
-                label = stored_fit(missing[index]).label
+            for index, answer in answers(Listed(calls), where, interrupts):
+                row = missing[int(index)]
+                label = stored_fit(row).label
                 if isinstance(answer.result, Failure):
                     report(f"{label} cannot be timed: {answer.result.reason}")
                 else:
-                    store.add_times(missing[index], answer.result)
+                    writer.add_times(row["folder"], answer.result)
                     report(f"{label}: {median(answer.result):.3g} s")
                     timed += 1
             interrupts.check()
@@ -80,5 +80,5 @@ def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
     timed_fit = replace(fit, config=config)
-    measured = [fit_job([timed_fit], demos, validation)[0].seconds for _ in range(REPEATS)]
+    measured = [fit_methods([timed_fit], demos, validation)[0].seconds for _ in range(REPEATS)]
     return [seconds * epochs / timed for seconds in measured]

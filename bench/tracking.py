@@ -7,12 +7,13 @@ imitating them.
 from dataclasses import replace
 from typing import Any
 
-from bench.controller import RESEEDED, Controller, ControllerConfig, train_controller
+from bench.controller import Controller, ControllerConfig, train_controller
+from bench.controller_kinds import ORIGINAL, RESEEDED, TUNED
 from bench.doing import say
-from bench.driver import controller_demos
 from bench.probe import Recorded
 from bench.rollout import TrackedMotion
 from bench.spec import ControllerSpec
+from bench.training_data import controller_demos
 from tasks.base import Task
 from tasks.demos import TRAINING, demos_key
 from tasks.experts import load_expert
@@ -38,11 +39,11 @@ def track(
         config: how the controllers are trained.
     """
     expert, starts = load_expert(task).policy, task.sample("test", episodes)
-    original = ControllerSpec(task.name, config, TRAINING, demos_key(task))
+    original = ControllerSpec(task.name, ORIGINAL, config, TRAINING, demos_key(task))
     if physics == NOMINAL:
         specs = [original, *(replace(original, seed=seed) for seed in RESEEDED)]
     else:
-        specs = [original, replace(original, physics=physics)]
+        specs = [original, replace(original, kind=TUNED, physics=physics)]
     controllers = {}
     for spec in specs:
         say(f"training the controller {spec.label}")

@@ -1,6 +1,6 @@
-"""Trained controllers at hand: those shipped with the package, and those in the cache.
+"""Trained controllers: those shipped with the package, and those in the cache.
 
-A controller takes minutes to train, and every method of a task needs it. Two files hold one: its
+A controller takes minutes to train, and every method of a task needs it. It has two files: its
 weights, and a card with its key, the SHA-256 of the weights, and when and where it was trained.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bench.names import folder_name
 from bench.spec import ControllerSpec
-from bench.store import folder_name
 from tasks.cache import cache_folder, writable_cache
 from tasks.errors import InputError
 from tasks.files import whole_file
@@ -32,7 +32,10 @@ class TrainedController:
 
 
 def trained(spec: ControllerSpec) -> TrainedController | None:
-    """Returns the controller if it is shipped or in the cache, and sound."""
+    """Returns the controller from the package or the cache; None if it must be trained.
+
+    Damaged files are passed over.
+    """
     for folder in (SHIPPED, cache_folder() / _CACHE):
         found = _read(folder / f"{_name(spec)}.json", spec.key)
         if found:
@@ -41,7 +44,7 @@ def trained(spec: ControllerSpec) -> TrainedController | None:
 
 
 def keep(spec: ControllerSpec, weights: bytes, facts: Mapping[str, Any]) -> None:
-    """Puts a controller into the cache; says on stderr if the cache cannot be written to."""
+    """Puts a controller into the cache, or says on stderr that the cache cannot be written to."""
     try:
         folder = writable_cache(_CACHE)
     except InputError as error:
@@ -65,7 +68,7 @@ def _name(spec: ControllerSpec) -> str:
 
 
 def _read(path: Path, key: str) -> TrainedController | None:
-    """The controller of a card, or None if it is not there or not what was written."""
+    """The controller of a card; None if its files are missing or damaged, or have another key."""
     try:
         card = json.loads(path.read_bytes())
         weights = path.with_suffix(".safetensors").read_bytes()

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 
 from bench.backend import Workers
-from bench.controller import NO_CONTROLLER, ControllerConfig
+from bench.controller import ControllerConfig
+from bench.controller_kinds import NO_CONTROLLER
 from bench.driver import run_cells
 from bench.intervals import wilson
 from bench.labels import plain
+from bench.names import CONDITIONS
+from bench.results import Results
+from bench.source import OUTCOMES, Source
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
-from bench.store import CONDITIONS, Source, Store
 from tasks.data import generator
 from tasks.demos import demos_key, demos_path
 from tasks.errors import InputError
@@ -70,17 +73,17 @@ def verify(source: Source, count: int, episodes: int, draw: int, where: Workers)
         outcome = run_cells(cells, Path(place), where)
         if outcome.failed:
             raise InputError("; ".join(outcome.failed))
-        return _compare(source, Store(Path(place)), chosen, cells)
+        return _compare(source, Results(Path(place)), chosen, cells)
 
 
 def _compare(
-    source: Source, again: Store, rows: Sequence[dict[str, Any]], cells: Sequence[Cell]
+    source: Source, again: Results, rows: Sequence[dict[str, Any]], cells: Sequence[Cell]
 ) -> list[Verdict]:
     verdicts = []
     for row, cell in zip(rows, cells, strict=True):
-        new = again.episodes(cell.fit, cell.evaluation)
+        new = again.episodes(cell.wanted)
         assert new is not None
-        new = new[["start", "success", "diverged", "steps"]]
+        new = new[[*OUTCOMES]]
         old = source.outcomes(row).iloc[: len(new)]
         differ = int(np.any(old.to_numpy() != new.to_numpy(), axis=1).sum())
         counts = (len(new), int(old.success.sum()), int(new.success.sum()), differ)
@@ -106,15 +109,15 @@ def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:
 
 
 def stored_fit(row: Mapping[str, Any]) -> Fit:
-    """Returns the fit of a row of `Store.frame`.
+    """Returns the fit of a row of `Source.frame`.
 
     Raises:
         InputError: it is from other demonstrations than this installation makes.
     """
     fit = fit_of(row)
     task = get_task(fit.task)
-    kept = fit.method != EXPERT and demos_path(task, fit.recipe).exists()
-    if fit.recipe != demos_key(task) and not kept:
+    kept = fit.method != EXPERT and demos_path(task, fit.demos_key).exists()
+    if fit.demos_key != demos_key(task) and not kept:
         raise InputError(
             f"{fit.label} learnt from other demonstrations than this installation makes: of"
             " another expert, task or version of MuJoCo"
@@ -123,6 +126,6 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
 
 
 def fit_of(row: Mapping[str, Any]) -> Fit:
-    """Returns the fit of a row of `Store.frame`, labelled or not, whatever it learnt from."""
+    """Returns the fit of a row of `Source.frame`, labelled or not, whatever it learnt from."""
     values = {field.name: row[field.name] for field in fields(Fit)}
     return Fit(**values | {"method": plain(row["method"])})

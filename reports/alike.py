@@ -15,7 +15,7 @@ def on_common_ground(evaluations: pd.DataFrame, by: str = "method") -> pd.DataFr
     see `reports.protocol.differences`. A method without seeds has 0, and stands for all of them.
 
     Args:
-        evaluations: as `bench.store.Store.frame` gives them, of one split.
+        evaluations: as `bench.source.Source.frame` gives them, of one split.
         by: column that tells apart whose seeds are to be the same.
     """
     found = evaluations.reset_index(drop=True)

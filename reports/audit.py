@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bench.controller import UNCLIPPED
+from bench.controller_kinds import UNCLIPPED
 from reports.exhibit import Exhibit, beside, in_order, panels, success_table
 from reports.paper import published
 from reports.results import Results

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bench.controller import ON_SUCCESSES, TUNED
+from bench.controller_kinds import ON_SUCCESSES, TUNED
 from reports.exhibit import Exhibit, in_order, success_table
 from reports.results import Results
 from reports.style import METHODS, TASKS

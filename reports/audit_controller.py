@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bench.controller import ORIGINAL, RESEEDED
+from bench.controller_kinds import ORIGINAL, RESEEDED
 from reports.exhibit import Exhibit, in_order, panels, success_table
 from reports.results import Results
 from reports.style import METHODS, TASKS

@@ -26,6 +26,7 @@ from reports.table_11 import SETS
 from reports.table_12 import magnitudes
 from tasks.errors import described
 from tasks.masses import VARIATIONS
+from tasks.words import count_of
 
 ROBUSTNESS_TABLES = dict(zip(TASKS, (7, 8, 9, 10), strict=True))
 FAILED = "failed"
@@ -320,9 +321,10 @@ def _in_paper(claim: Claim) -> str:
         for left, right, c in known
         if left - right <= c.margin
     ]
+    compared = count_of(len(known), "comparison")
     if not failing:
-        return f"holds in all {len(known)} comparisons"
-    return f"fails in {len(failing)} of {len(known)} comparisons, as in: {failing[0]}"
+        return f"holds in {len(known)} of {compared}"
+    return f"fails in {len(failing)} of {compared}, as in: {failing[0]}"
 
 
 def _printed(setting: Setting) -> float:
@@ -360,7 +362,7 @@ def _at(setting: Setting) -> dict[str, str]:
 def _evidence(shown: Measured, against: int, open_: int, of: int) -> str:
     contrast, difference, low, high = shown
     return (
-        f"{of - open_} of {of} comparisons on the claimed side, {against} on the other;"
+        f"{of - open_} of {count_of(of, 'comparison')} on the claimed side, {against} on the other;"
         f" {contrast.left} minus {contrast.right}: {difference:+.1f} points"
         f" [{low:.1f}, {high:.1f}], claimed above {contrast.margin:g}"
     )

@@ -15,6 +15,7 @@ from bench.parsing import known_names, names
 from tasks.errors import InputError
 from tasks.files import whole_file, writable_file, writable_folder
 from tasks.registry import TASKS
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from reports.results import Results
@@ -59,7 +60,7 @@ def report(
     ] = False,
 ) -> None:
     """Write tables, figures and a web page (index.html) of results. Exit code 3 if one fails."""
-    from bench.store import episodes_table
+    from bench.source import episodes_table
     from reports.page import SUCCESS
     from reports.results import Results
     from reports.write import write_report
@@ -86,7 +87,9 @@ def report(
         elif path.stem == SUCCESS:
             title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
             print(title_and_rows + "\n")
-    print("\n".join([*made.answer, "", f"{len(made.written)} tables on the page {made.page}"]))
+    tables_written = count_of(len(made.written), "table")
+    print("\n".join([*made.answer, "", f"wrote {tables_written} to {place.absolute()}"]))
+    print(f"page: {made.page.absolute()}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
@@ -98,7 +101,7 @@ def pack(
     out: Annotated[Path, typer.Option(help="Folder of the packed results; made if needed.")],
 ) -> None:
     """Pack results into a few small files to share: what reports need, without weights."""
-    from reports.reference import pack as pack_results
+    from bench.packed import pack as pack_results
 
     for folder in folders:
         results_folder(folder, packed=True)
@@ -164,7 +167,7 @@ def verify(
     An evaluation differs too much if its success is outside the 95% interval of the stored one.
     """
     from bench.backend import Workers
-    from bench.driver import count_jobs
+    from bench.cores import count_jobs
     from bench.packed import open_results
     from bench.verify import OUTSIDE
     from bench.verify import verify as verify_results
@@ -178,7 +181,7 @@ def verify(
         for one in found:
             print(
                 f"{one.verdict}: {one.fit} {one.evaluation}: {one.stored} of {one.episodes} stored,"
-                f" {one.again} again, {one.differ} episodes differ"
+                f" {one.again} again, {count_of(one.differ, 'differing episode')}"
             )
     if any(one.verdict == OUTSIDE for one in found):
         raise typer.Exit(SOME_FAILED)

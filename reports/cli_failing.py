@@ -1,6 +1,7 @@
 """`bench failures`: which starts fail, and how."""
 
 import json
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -147,7 +148,8 @@ def _films(folder: Path, table: "pd.DataFrame") -> list[str]:
     """For each task, the command that films its methods from the first start of a failure."""
     lost = table[table.split == "test"]
     return [
-        f"bench video {task} --results {folder} --methods {','.join(part.method.unique())}"
+        f"bench video {task} --results {shlex.quote(str(folder))}"
+        f" --methods {shlex.quote(','.join(part.method.unique()))}"
         f" --start {min(part.starts.iloc[0])}"
         for task, part in lost.groupby("task", sort=False)
     ]

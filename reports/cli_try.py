@@ -3,16 +3,18 @@
 import json
 import shlex
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from bench import parsing
-from bench.cli_run import Settings, run_study
+from bench.cli_run import run_study
+from bench.doing import since_start
 from bench.options import SOME_FAILED, AsJson, number
 from bench.studies import study_of
+from bench.study_options import Settings
 from tasks.registry import TASKS
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +45,6 @@ def try_method(
     (place,) = parsing.known_names("--task", "task", task, TASKS)
     from reports.trial import trial_of
 
-    began = perf_counter()
     study = study_of(
         "paper",
         experiments="success",
@@ -56,7 +57,7 @@ def try_method(
     if run_study(study, out, Workers(1)).failed:
         raise typer.Exit(SOME_FAILED)
     trial = trial_of(study, out)
-    seconds = perf_counter() - began
+    seconds = since_start()
     from bench.packed import shipped
     from reports.results import Results
 
@@ -90,8 +91,8 @@ def _heading(trial: "Trial") -> str:
     fit = trial.cell.fit
     seed = [f"seed {fit.seed}"] if fit.seed else []
     name = fit.method if fit.size == "single" else f"{fit.method} {fit.size}"
-    starts = f"first {len(trial.success)} starts of test"
-    return " · ".join([f"{name} on {fit.task}", f"{fit.demos} demos", *seed, starts])
+    starts = f"first {count_of(len(trial.success), 'start')} of test"
+    return " · ".join([f"{name} on {fit.task}", count_of(fit.demos, "demo"), *seed, starts])
 
 
 def _table(trial: "Trial", beside: "pd.DataFrame") -> str:
@@ -132,7 +133,7 @@ def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> s
     if beside.empty:
         return f"No results of other methods on {trial.cell.fit.task} are shipped."
     fewest = beside.n.min()
-    few = f", on the first {fewest} starts" if fewest < len(trial.success) else ""
+    few = f", on the first {count_of(fewest, 'start')}" if fewest < len(trial.success) else ""
     alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
     said = f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
     if trial.cell.controller:
@@ -142,10 +143,11 @@ def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> s
 
 def _next_commands(trial: "Trial", out: Path) -> str:
     from bench.labels import labelled
-    from bench.store import Store, folder_name
+    from bench.names import folder_name
+    from bench.results import Results
 
     fit, failed, folder = trial.cell.fit, trial.failures, shlex.quote(str(out))
-    rows = labelled(Store(out).frame())
+    rows = labelled(Results(out).frame())
     name = rows[rows.folder == folder_name(fit.label, fit.key)].method.iloc[0]
     start = (failed or [0])[0]
     film = f"bench video {fit.task} --results {folder} --start {start} --methods {name}"

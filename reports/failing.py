@@ -13,6 +13,7 @@ from reports.results import Results
 from reports.starts import SPLITS, draw_starts, start_values
 from reports.style import METHODS, display, ordered
 from tasks.errors import InputError, unknown_name
+from tasks.words import count_of
 
 if TYPE_CHECKING:
     from tasks.base import Task
@@ -86,7 +87,7 @@ def _modes(folder: Path, task: "Task", row: dict[str, Any], failed: Sequence[int
     from bench.replay import replay  # imports torch
 
     what = f"{row['method']}, seed {row['seed']}, {row['task']}, {row['split']}"
-    print(f"replaying {len(failed):,} failed episodes: {what}", file=sys.stderr)
+    print(f"replaying {count_of(len(failed), 'failed episode')}: {what}", file=sys.stderr)
     seen = replay(folder, row, failed)
     return [str(mode) or ELSEWHERE for mode in task.modes(seen.episodes, seen.watched)]
 

@@ -1,5 +1,6 @@
 """What the page opens with: what was run, the success of each seed, and the starts that fail."""
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, floor
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bench.labels import EXPERT
+from bench.packed import is_packed
 from reports.exhibit import Exhibit, span
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
@@ -100,6 +102,8 @@ def failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]
     """
     found = results.main(split="test").sort_values("seed", kind="stable")
     found = found[found.method != EXPERT].drop_duplicates(["task", "method"])
+    # Packed results hold no fits to film: there the reader names a folder that does.
+    place = "DIR" if is_packed(results.folder) else shlex.quote(str(results.folder))
     rows = []
     for task in ordered(found.task, TASKS):
         here = found[found.task == task].set_index("method", drop=False)
@@ -113,8 +117,8 @@ def failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]
                     "own": method in results.own,
                     "start": start,
                     "film": films.get(f"{task}-start-{start}"),
-                    "command": f"bench video {task} --results DIR --methods {method}"
-                    f" --start {start}",
+                    "command": f"bench video {task} --results {place}"
+                    f" --methods {shlex.quote(method)} --start {start}",
                 }
             )
     return rows

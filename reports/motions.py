@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bench.labels import EXPERT
-from bench.store import Store
+from bench.results import Results as StoredResults
 from reports.exhibit import Exhibit, in_order
 from reports.failing import evaluations
 from reports.results import Results
@@ -53,7 +53,7 @@ def motions(
             without fits; or see `bench.replay.replay`.
     """
     results = Results(folder)
-    if not isinstance(results.source, Store):
+    if not isinstance(results.source, StoredResults):
         raise InputError(f"{folder} holds packed results, without the fits that motions need")
     row = evaluations(results, task, method, "test", seed)[0]
     return _motions(results, row, start, _demonstrated(row, start))
@@ -94,10 +94,10 @@ def _demonstrated(row: Mapping[str, Any], start: int) -> FloatArray:
 
     task = get_task(row["task"])
     here = task.sample("test", start + 1)[start:]
-    if row["method"] == EXPERT or row["recipe"] == demos_key(task):
+    if row["method"] == EXPERT or row["demos_key"] == demos_key(task):
         shown = record(task, here, load_expert(task).policy, failures=True)[1]
     else:
-        demos = load_demos(task, row["recipe"])
+        demos = load_demos(task, row["demos_key"])
         width = np.subtract(task.in_distribution.high, task.in_distribution.low)
         away = np.linalg.norm((demos.starts.values - here.values) / width, axis=1)
         shown = demos[np.array([away.argmin()])]
@@ -156,14 +156,20 @@ def table(results: Results) -> pd.DataFrame:
     Columns: those of `motions`; ``row`` the method, ``column`` the task, ``value`` as ``tracked``,
     ``start``, ``success``, ``seeds`` and ``n``, which are 1; and over all joints that turn the mean
     ``prediction error`` |predicted - demonstrated| and ``tracking error`` |tracked - predicted|.
+
+    Raises:
+        InputError: none of the motions can be replayed.
     """
-    parts = []
-    if isinstance(results.source, Store):
+    parts: list[pd.DataFrame] = []
+    rows: list[dict[str, Any]] = []
+    if isinstance(results.source, StoredResults):
         found = results.main(split="test")
         found = found[found.method != EXPERT].sort_values("seed", kind="stable")
         for _, of_task in found.groupby("task", sort=False):
             rows = of_task.drop_duplicates("method").to_dict("records")
             parts += _of_task(results, rows)
+    if rows and not parts:
+        raise InputError("no motion can be replayed; the lines above say why")
     empty = pd.DataFrame(columns=["row", "column", "value"])
     return in_order(pd.concat(parts), METHODS) if parts else empty
 
@@ -174,9 +180,9 @@ def _of_task(results: Results, rows: Sequence[dict[str, Any]]) -> list[pd.DataFr
     found, shown = [], {}
     for row in rows:
         try:
-            if row["recipe"] not in shown:
-                shown[row["recipe"]] = _demonstrated(row, start)
-            whole = _motions(results, row, start, shown[row["recipe"]])
+            if row["demos_key"] not in shown:
+                shown[row["demos_key"]] = _demonstrated(row, start)
+            whole = _motions(results, row, start, shown[row["demos_key"]])
         except InputError as error:
             print(f"bench: no motion of {row['method']} on {row['task']}: {error}", file=sys.stderr)
             continue

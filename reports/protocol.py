@@ -16,9 +16,9 @@ from typing import Any
 
 import pandas as pd
 
-from bench.controller import ORIGINAL
+from bench.controller_kinds import ORIGINAL
 from bench.labels import EXPERT, plain
-from bench.store import CONDITIONS
+from bench.names import CONDITIONS
 from reports.alike import FEWEST, common_seeds
 from reports.remarks import Remark
 from reports.style import TASKS, display, ordered
@@ -32,7 +32,7 @@ MARK = "*"
 SHIPPED = "shipped"
 
 Specs = Callable[[str], Mapping[str, Any]]
-"""Returns the fields of the controller with a key, see `bench.store.Store.controller_spec`."""
+"""Returns the fields of the controller with a key, see `bench.source.Source.controller_spec`."""
 Setting = tuple[str, str, str, str]
 """Task, method, name of a setting, and its value."""
 
@@ -44,7 +44,7 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     a controller or epochs, do not differ.
 
     Args:
-        rows: as `bench.store.Store.frame` gives them.
+        rows: as `bench.source.Source.frame` gives them.
         specs: of their controllers.
 
     Returns:
@@ -54,7 +54,7 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     """
     learnt = rows[rows.method != EXPERT]
     experts = rows[rows.method == EXPERT].drop_duplicates("task")
-    own = dict(zip(experts.task, experts.recipe, strict=True))
+    own = dict(zip(experts.task, experts.demos_key, strict=True))
     found = [*_demonstrations(learnt, own), *_controllers(learnt, specs, own)]
     found += [*_shares(learnt), *_seeds(learnt)]
     table = pd.DataFrame(found, columns=["task", "method", "setting", "value"]).drop_duplicates()
@@ -75,8 +75,8 @@ def _demonstrations(learnt: pd.DataFrame, own: Mapping[str, str]) -> Iterator[Se
     most = learnt.groupby(["task", "method", "variant", *CONDITIONS], sort=False).demos.max()
     for (task, method, *_), count in most.items():
         yield task, method, DEMOS, str(count)
-    for one in learnt.drop_duplicates(["task", "method", "recipe"]).itertuples():
-        yield one.task, one.method, RECIPE, _origin(one.recipe, own.get(one.task))
+    for one in learnt.drop_duplicates(["task", "method", "demos_key"]).itertuples():
+        yield one.task, one.method, RECIPE, _origin(one.demos_key, own.get(one.task))
 
 
 def _origin(recipe: str, own: str | None) -> str:
@@ -93,7 +93,7 @@ def _controllers(learnt: pd.DataFrame, specs: Specs, own: Mapping[str, str]) -> 
             spec = specs(one.controller_key)
         except InputError:
             continue
-        origin = _origin(spec["recipe"], own.get(one.task))
+        origin = _origin(spec["demos_key"], own.get(one.task))
         fields = {**spec["config"], DEMOS: spec["demos"], RECIPE: origin}
         for field, value in fields.items():
             yield one.task, one.method, f"{name} {field.replace('_', ' ')}", str(value)

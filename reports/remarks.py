@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from bench.controller import ON_SUCCESSES, TUNED, UNCLIPPED
+from bench.controller_kinds import ON_SUCCESSES, TUNED, UNCLIPPED
 from bench.labels import EXPERT
 from reports.style import TASKS, display, ordered
 
@@ -33,11 +33,11 @@ def remarks_on_the_expert(frame: pd.DataFrame) -> list[Remark]:
     """Returns what to say where methods learnt from other demonstrations than the suite's expert's.
 
     Args:
-        frame: as `bench.store.Store.frame` gives it.
+        frame: as `bench.source.Source.frame` gives it.
     """
-    recipes = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").recipe
+    recipes = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").demos_key
     methods = frame[(frame.method != EXPERT) & frame.task.isin(recipes.index)]
-    others = methods[methods.recipe != methods.task.map(recipes)]
+    others = methods[methods.demos_key != methods.task.map(recipes)]
     tasks = ordered(others.task, TASKS)
     if not tasks:
         return []

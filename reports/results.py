@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.controller import AUDITED
+from bench.controller_kinds import AUDITED
 from bench.labels import EXPERT, labelled
 from bench.packed import SHIPPED, open_results
 from bench.selection import best_size
-from bench.store import Source
+from bench.source import Source
 from methods.base import Parameters
 from reports.alike import on_common_ground
 from reports.protocol import MARK, Unlike, differences
@@ -174,7 +174,7 @@ class Results:
         return self.source.controller_spec(key)
 
     def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
-        """Returns the episodes of a row of the frame, see `bench.store.Store.outcomes`."""
+        """Returns the episodes of a row of the frame, see `bench.source.Source.outcomes`."""
         return self.source.outcomes(row)
 
     def readings(self, row: dict[str, Any]) -> NDArray[np.float32] | None:

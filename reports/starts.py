@@ -19,11 +19,11 @@ SHOWN = 200
 """Starts of a split that are shown, the first ones."""
 SPLITS = ("test", "ood")
 OUTCOMES: dict[str, dict[str, Any]] = {
-    "every seed succeeds": {"color": "#a9cbe3", "marker": "o", "s": 9, "linewidths": 0},
+    "every seed succeeds": {"color": "#7fa8c9", "marker": "o", "s": 9, "linewidths": 0},
     "some seeds succeed": {"color": "#c96a00", "marker": "^", "s": 16, "linewidths": 0},
-    "every seed fails": {"color": "#7a1f00", "marker": "x", "s": 16, "linewidths": 1.1},
+    "every seed fails": {"color": "#c0306a", "marker": "x", "s": 16, "linewidths": 1.1},
 }
-"""How starts are drawn."""
+"""How starts are drawn, legible on a light and on a dark page: points keep their colour on both."""
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -156,7 +156,7 @@ def shown_numbers(task: "Task") -> list[int]:
 
 def _label(task: "Task", place: int) -> str:
     component = task.start_components[place]
-    return f"{display(component.name)} [{component.unit}]"
+    return f"{component.name.replace('_', ' ')} [{component.unit}]"
 
 
 EXHIBIT = Exhibit(

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bench.controller import ORIGINAL
+from bench.controller_kinds import ORIGINAL
 from reports.exhibit import Exhibit
 from reports.paper import published
 from reports.results import Results

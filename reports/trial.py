@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 
 from bench.checking import known
-from bench.experiments import cells_of, recipes_of
+from bench.experiments import cells_of
 from bench.intervals import wilson
+from bench.names import KEY_DIGITS
 from bench.presets import Study
+from bench.results import Results as StoredResults
 from bench.spec import EXPERT, Cell
-from bench.store import KEY_DIGITS, Store
+from bench.study_demos import demos_keys_of
 from methods.registry import SUITE, introduced
 from reports.results import Results
 from reports.stats import paired_difference, rate_interval
@@ -88,8 +90,8 @@ class Trial:
         if theirs.empty:
             return pd.DataFrame(columns=UNLIKE)
         fit, controller = self.cell.fit, self.cell.controller
-        here = {"number of demonstrations": str(fit.demos), "demonstrations": fit.recipe}
-        names = {"number of demonstrations": "demos", "demonstrations": "recipe"}
+        here = {"number of demonstrations": str(fit.demos), "demonstrations": fit.demos_key}
+        names = {"number of demonstrations": "demos", "demonstrations": "demos_key"}
         if controller:
             here["controller"], names["controller"] = controller.key, "controller_key"
         shipped = {what: sorted(set(theirs[name].astype(str))) for what, name in names.items()}
@@ -116,8 +118,8 @@ def trial_of(study: Study, folder: Path) -> Trial:
     with introduced() as introduce:
         if name not in SUITE:
             introduce(known(name))
-        (cell,) = cells_of(study, recipes_of(study))
-        stored = Store(folder).episodes(cell.fit, cell.evaluation)
+        (cell,) = cells_of(study, demos_keys_of(study))
+        stored = StoredResults(folder).episodes(cell.wanted)
     assert stored is not None
     episodes = stored.iloc[: cell.episodes]
     return Trial(cell, episodes.success.to_numpy(bool), int(episodes.diverged.sum()))

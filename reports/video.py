@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from bench.checking import known
+from bench.computing import make_policy
 from bench.doing import say
-from bench.driver import learnt
-from bench.jobs import make_policy
+from bench.jobs import stored_bytes
 from bench.labels import EXPERT, labels_of
+from bench.results import Results as StoredResults
 from bench.rollout import TrackedMotion
-from bench.store import Store
 from bench.verify import stored_cell
 from reports.results import Results
 from reports.style import colour, display
@@ -125,11 +125,11 @@ def telling(folder: Path, task_name: str, method: str) -> dict[str, int]:
 
 def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
     """Returns the episode of a method from a start."""
-    store, results = Store(folder), Results(folder)
-    cell = stored_cell(store, _row(results, task.name, method), 1)
+    stored, results = StoredResults(folder), Results(folder)
+    cell = stored_cell(stored, _row(results, task.name, method), 1)
     if cell.fit.method != EXPERT:
         known(cell.fit.method)  # the import of a package may end the process
-    policy = make_policy(cell.fit, *learnt(store, cell))
+    policy = make_policy(cell.fit, *stored_bytes(cell, stored))
     watched = Watched(policy)
     outcome = rollout(task, starts, watched, threads=1, whole=True)
     positions = np.stack([*watched.positions, watched.simulator.batch.qpos[0]])

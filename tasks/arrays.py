@@ -3,6 +3,7 @@
 Nothing in a file is unpickled or executed.
 """
 
+import sys
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, Starts, real
 from tasks.demos_files import save_demos
 from tasks.errors import InputError
-from tasks.files import new_path
+from tasks.files import new_path, path_of
 from tasks.recorder import record
 from tasks.simulator import Simulator
 
@@ -42,7 +43,7 @@ class Replayed:
         Raises:
             InputError: no episode succeeds, the file exists, or its folder cannot be written to.
         """
-        path = new_path(Path(file))
+        path = new_path(path_of("file", file))
         if not len(self.demos):
             raise InputError(f"no episode succeeds on replay, so nothing is written to {path}")
         save_demos(self.demos, path)
@@ -95,12 +96,14 @@ def replay_arrays(
 
 
 def read_arrays(file: Path) -> dict[str, FloatArray]:
-    """Returns the arguments of `replay_arrays` from an ``.npz`` file.
+    """Returns the arguments of `replay_arrays` from an ``.npz`` file. Names other arrays on stderr.
 
     Raises:
         InputError: the file does not exist, is not an ``.npz`` file, lacks an array, or holds an
             array of Python objects, which would have to be unpickled.
     """
+    if file.suffix != ".npz":
+        raise InputError(f"{file} must end in .npz: an archive as numpy.savez writes it is read")
     if not file.is_file():
         raise InputError(f"{file} does not exist: name an .npz file, as numpy.savez writes it")
     try:
@@ -115,7 +118,12 @@ def read_arrays(file: Path) -> dict[str, FloatArray]:
                     f" {' and '.join(REQUIRED)}, and optionally {' and '.join(OPTIONAL)};"
                     f" it holds {', '.join(names) or 'no arrays by name'}"
                 )
-            return {name: found[name] for name in (*REQUIRED, *OPTIONAL) if name in names}
+            known = (*REQUIRED, *OPTIONAL)
+            left = [name for name in names if name not in known]
+            if left:
+                said = f"{file}: not read: {', '.join(left)}; arrays read are {', '.join(known)}"
+                print(said, file=sys.stderr)
+            return {name: found[name] for name in known if name in names}
     except InputError:
         raise
     except _UNREADABLE as error:
@@ -126,7 +134,9 @@ def _checked(task: Task, given: Mapping[str, ArrayLike]) -> dict[str, FloatArray
     arrays = {name: real(f"{name} of {task.name}", values) for name, values in given.items()}
     for name, array in arrays.items():
         axes, shape = _AXES[name], task.demo_shapes[name]
-        if array.shape[1:] != shape or not array.ndim or not len(array):
+        if array.ndim and not len(array):
+            raise InputError(f"{name} of {task.name} holds no episodes: give one at least")
+        if array.shape[1:] != shape or not array.ndim:
             sizes = ", ".join(map(str, shape))
             raise InputError(
                 f"{name} of {task.name} must have shape (N, {axes}) = (N, {sizes}), got"

@@ -22,6 +22,7 @@ from tasks.demos_files import (
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.recorder import make_demos
+from tasks.words import count_of
 
 TRAINING = 200
 VALIDATION = 50
@@ -104,7 +105,8 @@ def read_demos(task: Task, file: Path) -> Demos:
             )
     if not all(map(len, split(found))):
         raise InputError(
-            f"{file} holds {len(found)} demonstrations, too few to keep some for validation"
+            f"{file} holds {count_of(len(found), 'demonstration')}, too few to keep some for"
+            " validation"
         )
     try:
         task.check_starts(found.starts)

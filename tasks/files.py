@@ -73,6 +73,21 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
+def path_of(what: str, given: str | os.PathLike[str]) -> Path:
+    """Returns the path that a caller in Python gives.
+
+    Args:
+        what: names the argument in the error message, such as ``"folder"``.
+        given: the path. An empty text, which would mean the current folder, is refused.
+
+    Raises:
+        InputError: it is empty or not a path.
+    """
+    if not (isinstance(given, str | os.PathLike) and os.fspath(given)):
+        raise InputError(f"{what} must be a path, such as 'results/mine', got {given!r}")
+    return Path(given)
+
+
 # Checks before work whose results will be written
 def writable_folder(folder: Path, cure: str = "choose another place") -> Path:
     """Returns a folder after checking that it can be written to or created. Creates nothing.

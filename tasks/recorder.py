@@ -10,6 +10,7 @@ from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, Unclipped
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
+from tasks.words import count_of
 
 BLOCK = 300
 """Number of starts that `collect` tries at a time."""
@@ -117,8 +118,9 @@ def collect(
         found.append(demos)
         if 10 * success.sum() < len(success):
             raise InputError(
-                f"{who} succeeded in {success.sum()} of {len(success)} episodes of {task.name},"
-                " fewer than one in ten, which is too few to learn from; actions are set-points in"
-                f" [-1, 1], and `bench describe {task.name}` says when an episode succeeds"
+                f"{who} succeeded in {success.sum()} of {count_of(len(success), 'episode')} of"
+                f" {task.name}, fewer than one in ten, which is too few to learn from; actions are"
+                f" set-points in [-1, 1], and `bench describe {task.name}` says when an episode"
+                " succeeds"
             )
     return success, join_demos(found)[:n]

@@ -20,9 +20,9 @@ from bench import driver
 from bench.backend import Workers
 from bench.cli import main
 from bench.controller import ControllerConfig
+from bench.packed import pack
 from bench.presets import PRESETS
-from bench.store import Store
-from reports.reference import pack
+from bench.results import Results
 from tasks import demos, experts
 from tasks.data import FloatArray, generator
 from tasks.registry import TASKS, get_task
@@ -199,7 +199,7 @@ def reference(paper, task, monkeypatch, tmp_path):
         assert ran.failed == ()
         pack([theirs], tmp_path / "small")
         monkeypatch.setattr("bench.packed.SHIPPED", tmp_path / "small")
-        return Store(theirs)
+        return Results(theirs)
 
     return run_and_ship
 

@@ -9,6 +9,6 @@ def test_arrows_point_from_reports_to_tasks(capsys):
 
 
 def test_reading_results_needs_neither_mujoco_nor_torch():
-    code = "import sys, reports.write, bench.store; print({'mujoco', 'torch'} & set(sys.modules))"
+    code = "import sys, reports.write, bench.results; print({'mujoco', 'torch'} & set(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "set()\n"

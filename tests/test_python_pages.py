@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from bench.store import Store
+from bench.results import Results
 
 DOCS = Path(__file__).parents[1] / "docs"
 BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n\n)?```(python|sh)\n(.*?)```", re.DOTALL)
@@ -57,7 +57,7 @@ def test_the_page_on_python_runs(task, run_page, monkeypatch):
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_the_page_on_own_demonstrations_goes_from_nothing_to_a_row(task, run_page):
     run_page("own_demos.md")
-    frame = Store(Path("results/mine")).frame()
+    frame = Results(Path("results/mine")).frame()
     assert set(frame.method) == {"kodex"}
-    assert "the demonstrations of nearest.safetensors" in Store(Path("results/mine")).notes()[0]
+    assert "the demonstrations of nearest.safetensors" in Results(Path("results/mine")).notes()[0]
     assert "kodex" in Path("results/mine/report/tables/unseen.csv").read_text()

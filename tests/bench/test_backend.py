@@ -18,7 +18,8 @@ import psutil
 import pytest
 from dask import config as dask_config
 
-from bench.backend import TRIES, Interrupts, Workers, answers, workers
+from bench.backend import TRIES, Listed, Workers, answers, workers
+from bench.interrupts import Interrupts
 from bench.isolation import Failure
 from tasks.errors import InputError
 
@@ -29,12 +30,11 @@ def outcome(jobs, where):
     """What each job gave, in their order; no job may give two answers."""
     found = {}
     with workers(where), Interrupts() as interrupts:
-        for index, answer in answers(
-            [partial(tuple, ("job", *job)) for job in jobs], where, interrupts
-        ):
-            assert index not in found
-            found[index] = answer.result
-    return [found[index] for index in range(len(jobs))]
+        supply = Listed([partial(tuple, ("job", *job)) for job in jobs])
+        for name, answer in answers(supply, where, interrupts):
+            assert name not in found
+            found[name] = answer.result
+    return [found[str(index)] for index in range(len(jobs))]
 
 
 @pytest.mark.parametrize("backend", ["sequential", *BACKENDS])
@@ -56,6 +56,50 @@ def test_a_job_that_kills_its_process_is_tried_alone_and_then_blamed(backend):
     assert isinstance(failure, Failure)
     assert failure.tries == TRIES
     assert failure.reason == "its process was killed by SIGABRT before it answered"
+
+
+class Chain:
+    """Jobs of which each needs the one before, beside as many that need nothing."""
+
+    def __init__(self, length):
+        self.todo = [f"{side}{i}" for i in range(length) for side in ("chain", "free")]
+        self.done, self.sent = [], []
+
+    def possible(self):
+        done = {name for name in self.done if name.startswith("chain")}
+        return [name for name in self.todo if name.startswith("free") or int(name[5:]) == len(done)]
+
+    def take(self):
+        for name in self.possible():
+            self.todo.remove(name)
+            self.sent.append(name)
+            return name
+
+    def call(self, name):
+        return name, time.sleep, (0.05,)
+
+    @property
+    def ready(self):
+        return bool(self.possible())
+
+    @property
+    def blocked(self):
+        return bool(self.todo)
+
+
+@pytest.mark.parametrize("backend", [*BACKENDS, "sequential"])
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_job_is_sent_once_what_it_needs_is_stored(backend, jobs):
+    supply = Chain(5)
+    where = Workers(jobs, backend)
+    with workers(where), Interrupts() as interrupts:
+        for name, answer in answers(supply, where, interrupts):
+            assert not isinstance(answer.result, Failure)
+            supply.done.append(name)
+    assert len(supply.done) == len(set(supply.done)) == 10
+    assert [name for name in supply.done if name.startswith("chain")] == [
+        f"chain{i}" for i in range(5)
+    ]
 
 
 def test_clusters_of_two_runs_do_not_meet():
@@ -115,7 +159,7 @@ def test_what_a_call_raises_before_it_is_sent_ends_the_run(where):
         Interrupts() as interrupts,
         pytest.raises(InputError, match="there is nothing to work on"),
     ):
-        list(answers(calls, where, interrupts))
+        list(answers(Listed(calls), where, interrupts))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -201,12 +245,13 @@ def test_what_a_job_prints_is_shown_only_with_its_failure(capfd):
 LONG = """
 import sys, time
 from functools import partial
-from bench.backend import Interrupts, Workers, answers, workers
+from bench.backend import Listed, Workers, answers, workers
+from bench.interrupts import Interrupts
 where = Workers(2, sys.argv[1])
 jobs = [partial(tuple, ("job", exec, (sys.argv[2],)))] * 2
 if __name__ == "__main__":
     with workers(where), Interrupts() as interrupts:
-        list(answers(jobs, where, interrupts))
+        list(answers(Listed(jobs), where, interrupts))
 """
 
 
@@ -260,13 +305,14 @@ def test_what_cannot_be_used_is_refused(where, answer):
 SLEEPERS = """
 import sys
 from functools import partial
-from bench.backend import Interrupts, Workers, answers, workers
+from bench.backend import Listed, Workers, answers, workers
+from bench.interrupts import Interrupts
 begin = "import pathlib, time; pathlib.Path({!r}, '{}').touch(); time.sleep({})"
 where = Workers(int(sys.argv[1]))
 codes = [begin.format(sys.argv[2], seconds, seconds) for seconds in (0, 2, 60, 61)]
 calls = [partial(tuple, ("job", exec, (code,))) for code in codes]
 with workers(where), Interrupts() as interrupts:
-    for index, answer in answers(calls, where, interrupts):
+    for index, answer in answers(Listed(calls), where, interrupts):
         print(index, flush=True)
     interrupts.check()
 """
@@ -361,7 +407,7 @@ def meet_all(where):
 
 
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
-    monkeypatch.setattr("bench.backend.PATIENCE", 1)
+    monkeypatch.setattr("bench.dask_backend.PATIENCE", 1)
     with (
         pytest.raises(InputError, match=r"no dask scheduler answers at 'tcp://127.0.0.1:9'"),
         workers(Workers(1, "dask", "tcp://127.0.0.1:9")),

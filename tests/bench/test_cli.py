@@ -10,9 +10,10 @@ import pytest
 import typer
 
 from bench.cli import app
-from bench.experiments import EXPERIMENTS, cells_of, recipes_of
+from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import PRESETS
-from bench.store import Store
+from bench.results_writer import ResultsWriter
+from bench.study_demos import demos_keys_of
 from reports.write import MODULES, Report
 from tasks.masses import VARIATIONS, physics_names
 from tasks.registry import TASKS, get_task
@@ -105,7 +106,7 @@ def test_describe_tells_what_an_experiment_computes(bench, name):
     assert facts["varies"]
     for preset, study in PRESETS.items():
         alone = replace(study, episodes={n: k for n, k in study.episodes.items() if n == name})
-        cells = cells_of(alone, recipes_of(alone)) if alone.episodes else []
+        cells = cells_of(alone, demos_keys_of(alone)) if alone.episodes else []
         counts = facts["presets"][preset]
         assert (counts is None) == (name not in study.episodes)
         if counts:
@@ -260,16 +261,24 @@ def test_the_version_is_that_of_the_package(bench):
     ],
 )
 def test_what_has_no_evaluation_yet_is_refused(bench, tmp_path, command, options, answer):
-    Store(tmp_path).ask_for([])
+    ResultsWriter(tmp_path).ask_for([])
     code, said, error = bench(command, str(tmp_path), *options)
     assert (code, said) == (2, "")
     assert answer in error
 
 
 def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
-    Store(tmp_path).ask_for([])
+    ResultsWriter(tmp_path).ask_for([])
     code, said, _ = bench("time", str(tmp_path))
     assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")
+
+
+def test_status_tells_of_one_try_and_of_several(bench, tmp_path):
+    store = ResultsWriter(tmp_path)
+    store.ask_for([])
+    for said in ("failed (1 try): door-nn-s1: why", "failed (2 tries): door-nn-s1: why"):
+        store.add_failure("door-nn-s1", "why", "")
+        assert said in bench("status", str(tmp_path))[1]
 
 
 OUTPUTS = {
@@ -295,13 +304,13 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     bench, tmp_path, monkeypatch, command, where
 ):
     monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
-    monkeypatch.setattr("bench.driver._Runner", pytest.fail)
+    monkeypatch.setattr("bench.driver.Runner", pytest.fail)
     monkeypatch.setattr("tasks.demos.load_demos", pytest.fail)
     (tmp_path / "file").write_text("mine")
     out = {"file": tmp_path / "file", "below a file": tmp_path / "file" / "out"}.get(where, where)
     results = tmp_path / "results"
     results.mkdir()
-    Store(results).ask_for([])
+    ResultsWriter(results).ask_for([])
     before = sorted(tmp_path.rglob("*"))
     words = [w.replace("OUT", str(out)).replace("RESULTS", str(results)) for w in command]
     code, said, error = bench(*words)
@@ -309,6 +318,27 @@ def test_what_cannot_be_written_to_is_refused_before_any_work(
     assert str(out) in error
     assert sorted(tmp_path.rglob("*")) == before
     assert (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("run", "smoke", "--out", ""), "--out"),
+        (("run", "smoke", "--out="), "--out"),
+        (("report", "--reference", "--export", ""), "--export"),
+        (("new-method", "mine", "--folder", ""), "--folder"),
+        (("status", ""), "status"),
+    ],
+    ids=" ".join,
+)
+def test_an_empty_path_is_refused_and_is_not_the_current_folder(
+    bench, tmp_path, monkeypatch, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    code, out, error = bench(*words)
+    assert (code, out) == (2, "")
+    assert error.startswith(f"bench: the text after {named} is empty")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_doctor_says_what_cannot_be_written_to(bench, tmp_path, monkeypatch):
@@ -341,6 +371,16 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
         )
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "old"
+
+
+def test_a_report_of_the_shipped_results_says_in_full_where_it_wrote(bench, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = Report([], {}, [], Path("report/index.html"))
+    monkeypatch.setattr("reports.write.write_report", lambda *arguments: made)
+    code, said, _ = bench("report", "--reference")
+    assert code == 0
+    assert f"wrote 0 tables to {tmp_path / 'report'}\n" in said
+    assert f"page: {tmp_path / 'report/index.html'}\n" in said
 
 
 def test_the_shipped_results_can_be_compared(bench):

@@ -14,6 +14,7 @@ import pytest
 
 from methods import registry
 from methods.checks import RULES
+from tasks.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 
@@ -96,6 +97,16 @@ def test_a_closed_loop_method_is_tried_as_the_tutorial_shows(task, follow):
 def test_new_method_says_what_to_do_next(bench, tmp_path):
     _, said, _ = bench("new-method", "mine", "--folder", str(tmp_path))
     assert f"pip install -e {tmp_path / 'mine'} && bench check mine && bench try mine" in said
+
+
+def test_a_new_method_refuses_to_average_no_neighbours(bench, tmp_path, monkeypatch):
+    bench("new-method", "averaging", "--folder", str(tmp_path))
+    monkeypatch.syspath_prepend(str(tmp_path / "averaging"))
+    config = importlib.import_module("averaging").AveragingConfig
+    del sys.modules["averaging"]
+    assert config(neighbours=3).neighbours == 3
+    with pytest.raises(InputError, match="neighbours must be above 0, got 0"):
+        config(neighbours=0)
 
 
 @pytest.mark.parametrize(

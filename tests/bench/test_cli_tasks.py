@@ -36,7 +36,7 @@ def test_evaluate_can_be_read_by_a_person(task, shipped, bench):
     options = ("--episodes", "3", "--split", "ood", "--physics", "heavy_hand")
     code, out, _ = bench("expert", "evaluate", "door", *options)
     assert code == 0
-    assert "door/ood, physics heavy_hand: 2 of 3 episodes succeed, 66.7% [20.8%, 93.9%]" in out
+    assert "door/ood, physics heavy_hand: 2 of 3 episodes successful, 66.7% [20.8%, 93.9%]" in out
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp
     assert bench("demos", "export", "door", str(folder))[0] == 0
     code, out, _ = bench("demos", "import", "door", str(folder), "--out", str(file))
     assert code == 0
-    assert "door: 5 of 8 episodes succeed on replay" in out
+    assert "door: 5 of 8 episodes successful on replay" in out
     assert "episodes that fail: 0, 3, 6" in out
     assert file.exists()
 
@@ -160,7 +160,7 @@ def test_an_import_without_a_success_writes_nothing(task, shipped, bench, tmp_pa
     monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
     code, out, err = bench("demos", "import", "door", str(folder), "--out", str(file))
     assert code == 2
-    assert "0 of 8 episodes succeed" in out
+    assert "0 of 8 episodes successful" in out
     assert f"no episode succeeds on replay, so nothing is written to {file}" in err
     assert not file.exists()
 

@@ -3,146 +3,147 @@
 import heapq
 
 import pytest
+from fake_jobs import job
 
-from bench.clock import Clock, counted, duration, headline, schedule
-from bench.costs import Cost
+from bench.clock import Clock, counted, duration, headline
+from bench.job_queue import JobQueue, name_of
 from tasks.data import generator
 
-PHASES = {
-    "controllers": [Cost("controller", 10.0)] * 4,
-    "fits": [Cost(f"fit {name}", 10.0 * size) for size in (1, 2, 9) for name in "abc"],
-    "evaluations": [Cost("episodes of door", 8.0), Cost("episodes of tool", 40.0)] * 20,
-}
+
+def study():
+    """Four controllers, nine fits and 120 evaluations of two tasks."""
+    controllers = [job(f"c{i}", 10, kind="controllers", cost_kind="controller") for i in range(4)]
+    fits = [
+        job(f"f{name}{size}", 10.0 * size, cost_kind=f"fit {name}")
+        for size in (1, 2, 4)
+        for name in "abc"
+    ]
+    tests = [
+        job(
+            f"e{i}",
+            40.0 if i % 2 else 8.0,
+            needs=(name_of(fits[i % 9]), name_of(controllers[i % 4])),
+            kind="evaluations",
+            cost_kind=f"episodes {i % 2}",
+        )
+        for i in range(120)
+    ]
+    return [*controllers, *fits, *tests]
 
 
-def simulate(clock, jobs, truth, at=0.1):
-    """Runs PHASES as a backend does; returns the time in all, and the clock's estimate of it.
+def simulate(workers, truth, at=0.1):
+    """Runs the study; returns the time in all, and the clock's estimate of it.
 
     Args:
-        clock: is told what happens.
-        jobs: how many run at a time.
-        truth: by kind, how many times its price a job takes.
+        workers: jobs at a time.
+        truth: by kind of cost, how many times its price a job takes.
         at: share of the time in all at which the estimate is made.
     """
 
-    def run(tell):
-        now = 0.0
-        for name, costs in PHASES.items():
-            took = [truth[cost.kind] * cost.seconds for cost in costs]
-            tell(now, lambda name=name, costs=costs: clock.begin("", name, costs))
-            waiting, running = list(range(len(costs))), []
-            while waiting or running:
-                while waiting and len(running) < jobs:
-                    index = waiting.pop(0)
-                    heapq.heappush(running, (now + took[index], index))
-                    tell(now, lambda i=index, n=now: clock.start(i, f"job {i}", n))
-                now, index = heapq.heappop(running)
-                tell(now, lambda i=index, s=took[index], n=now: clock.end(i, s, n))
-        return now
+    def run(until):
+        queue = JobQueue(study())
+        clock, now, running = Clock(queue, workers, 0.0), 0.0, []
+        while True:
+            while len(running) < workers and (one := queue.take()):
+                clock.start(one, now)
+                took = truth[one.cost.kind] * one.cost.seconds
+                heapq.heappush(running, (now + took, name_of(one), took))
+            if not running or running[0][0] > until:
+                return now, clock
+            now, name, took = heapq.heappop(running)
+            one = queue.running[name]
+            queue.finish(name)
+            clock.end(one, took, now)
 
-    total = run(lambda now, event: None)
+    total, _ = run(float("inf"))
     when = at * total
-
-    def until(now, event):
-        if now <= when:
-            event()
-
-    clock.expect("", PHASES)
-    run(until)
-    return total, when + clock.left(when)
+    return total, when + run(when)[1].left(when)
 
 
 def of_kinds(spread=0.0, common=1.0):
     rng = generator("test clock", str(spread))
-    kinds = sorted({cost.kind for costs in PHASES.values() for cost in costs})
+    kinds = sorted({one.cost.kind for one in study()})
     return {kind: common * float(rng.uniform(1 - spread, 1 + spread)) for kind in kinds}
 
 
-@pytest.mark.parametrize("jobs", [1, 2, 5, 100])
-def test_costs_that_are_right_give_the_right_time_from_the_beginning(jobs):
+@pytest.mark.parametrize("workers", [1, 2, 5, 100])
+def test_right_costs_give_the_right_time_from_the_beginning(workers):
     for at in (0.0, 0.1, 0.5, 0.9):
-        total, estimate = simulate(Clock(jobs, 0.0), jobs, of_kinds(), at)
+        total, estimate = simulate(workers, of_kinds(), at)
         assert estimate == pytest.approx(total, rel=0.02)
 
 
 @pytest.mark.parametrize("common", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("spread", [0.0, 0.25])
-@pytest.mark.parametrize("jobs", [1, 2, 4])
-def test_after_a_tenth_the_estimate_is_within_30_per_cent_of_the_truth(jobs, spread, common):
-    total, estimate = simulate(Clock(jobs, 0.0), jobs, of_kinds(spread, common))
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_after_a_tenth_the_estimate_is_within_30_per_cent_of_the_truth(workers, spread, common):
+    total, estimate = simulate(workers, of_kinds(spread, common))
     assert estimate == pytest.approx(total, rel=0.3)
 
 
 def test_the_factor_of_the_machine_counts_before_any_job_has_ended():
-    clock = Clock(1, 0.0, factor=2.0)
-    clock.expect("", {"fits": [Cost("fit a", 10.0)] * 3})
-    assert clock.left(0.0) == 60
+    queue = JobQueue([job(name, 10) for name in "abc"])
+    assert Clock(queue, 1, 0.0, factor=2.0).left(0.0) == 60
 
 
 def test_the_first_job_of_an_unknown_kind_prices_the_rest():
-    clock = Clock(1, 0.0)
-    clock.expect("", {"fits": [Cost("fit mine", 1.0, known=False)] * 4})
-    clock.begin("", "fits", [Cost("fit mine", 1.0, known=False)] * 4)
-    clock.start(0, "first", 0.0)
-    clock.end(0, 100.0, 100.0)
+    queue = JobQueue([job(name, known=False) for name in "abcd"])
+    clock = Clock(queue, 1, 0.0)
+    first = queue.take()
+    clock.start(first, 0.0)
+    queue.finish(name_of(first))
+    clock.end(first, 100.0, 100.0)
     assert clock.left(100.0) == pytest.approx(300)
 
 
 def test_a_running_job_counts_with_its_time_and_a_late_one_raises_the_price_of_its_kind():
-    clock = Clock(1, 0.0)
-    costs = [Cost("fit a", 10.0)] * 2
-    clock.expect("", {"fits": costs})
-    clock.begin("", "fits", costs)
-    clock.start(0, "first", 0.0)
+    queue = JobQueue([job(name, 10) for name in "ab"])
+    clock = Clock(queue, 1, 0.0)
+    clock.start(queue.take(), 0.0)
     assert clock.left(4.0) == pytest.approx(16)
     assert clock.left(100.0) > 50
 
 
-def test_phases_with_nothing_to_do_are_passed_by_and_new_sizes_replace_what_was_expected():
-    clock = Clock(1, 0.0)
-    cost = Cost("fit a", 10.0)
-    clock.expect("sizes", {"controllers": [cost], "fits": [cost] * 2})
-    clock.expect("then", {"controllers": [], "fits": [cost] * 7})
-    assert clock.left(0.0) == 100
-    clock.begin("sizes", "fits", [cost])  # the controller was shipped
-    clock.start(0, "one", 0.0)
-    clock.end(0, 10.0, 10.0)
-    clock.begin("then", "fits", [cost] * 3)
-    assert clock.left(10.0) == pytest.approx(30)
-    assert counted(clock.state(10.0)) == ["sizes: fits 1/1", "then: fits 0/3"]
-
-
-def test_fits_of_a_group_that_failed_together_are_counted_one_by_one():
-    clock = Clock(2, 0.0)
-    group, one = Cost("fit a", 50.0, count=5), Cost("fit a", 10.0)
-    clock.expect("", {"fits": [group]})
-    clock.begin("", "fits", [group])
-    clock.start(0, "a-s1,2,3,4,5", 0.0)
-    clock.split(0, 1.0)
-    assert not clock.phase_over
-    assert counted(clock.state(1.0)) == ["fits 0/5"]
-    clock.begin("", "fits", [one] * 5)
-    for index in range(5):
-        clock.start(index, f"a-s{index}", 1.0)
-        clock.end(index, 10.0, 11.0, failed=index == 3)
-    assert clock.phase_over
-    assert counted(clock.state(60.0)) == ["fits 5/5 (1 failed)"]
+def test_failed_results_are_counted_apart_from_those_done():
+    queue = JobQueue([job("s1 s2", 20), job("e1", needs=("s1",), kind="evaluations")])
+    clock = Clock(queue, 2, 0.0)
+    pair = queue.take()
+    clock.start(pair, 0.0)
+    queue.divide("s1")
+    clock.end(pair, 1.0, 1.0, failed=True)
+    assert counted(clock.state(1.0)) == "fits 0/2, evaluations 0/1"
+    for fails in (True, False):
+        one = queue.take()
+        clock.start(one, 1.0)
+        if fails:
+            queue.fail(name_of(one))
+        else:
+            queue.finish(name_of(one))
+        clock.end(one, 10.0, 11.0, failed=fails)
+    assert clock.over
+    assert counted(clock.state(60.0)) == "fits 1/2 (1 failed)"
 
 
 def test_a_job_that_is_tried_again_starts_again():
-    clock = Clock(1, 0.0)
-    clock.expect("", {"fits": [Cost("fit a", 10.0)]})
-    clock.begin("", "fits", [Cost("fit a", 10.0)])
-    clock.start(0, "one", 0.0)
-    clock.start(0, "one", 9.0)
+    queue = JobQueue([job("one", 10)])
+    clock = Clock(queue, 1, 0.0)
+    one = queue.take()
+    clock.start(one, 0.0)
+    clock.start(one, 9.0)
     assert clock.state(9.0)["now"] == [{"label": "one", "seconds": 0.0}]
     assert clock.left(9.0) == pytest.approx(10)
 
 
-def test_a_job_waits_for_those_that_run():
-    assert schedule([5.0, 5.0], 2, [3.0, 1.0]) == 8
-    assert schedule([], 1, [3.0, 4.0]) == 4
-    assert schedule([], 3) == 0
+def test_a_job_that_waits_for_a_worker_does_not_count_as_running():
+    queue = JobQueue([job("one", 10), job("two", 10)])
+    clock = Clock(queue, 1, 0.0)
+    one, two = queue.take(), queue.take()
+    clock.start(one, 0.0)
+    clock.start(two, 0.0)
+    assert [entry["label"] for entry in clock.state(5.0)["now"]] == ["one"]
+    queue.finish("one")
+    clock.end(one, 10.0, 10.0)
+    assert clock.state(15.0)["now"] == [{"label": "two", "seconds": 5.0}]
 
 
 def test_times_are_told_in_words():

@@ -9,13 +9,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from bench.store import Store, _digest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bench.experiments import cells_of
 from bench.presets import PRESETS
 from bench.spec import Cell, Evaluation, Fit
-from bench.store import Store, _digest
 from bench.studies import Options, study_of
 from methods.base import shortened
 from methods.registry import get_method, method_names
@@ -32,7 +32,7 @@ STUDIES = {
     "smoke": PRESETS["smoke"],
     "audit": replace(PRESETS["paper"], tasks=("door",), seeds=(1,), episodes={"audit": 1}),
 }
-RECIPES = dict.fromkeys(TASKS, "recipe")
+DEMOS_KEYS = dict.fromkeys(TASKS, "key")
 WORDS = st.sampled_from(
     [*PRESETS, *TASKS, *method_names(), "success", "small", "published", "1", "2,3", "0", ",", ""]
 ) | st.text(max_size=12)
@@ -75,7 +75,7 @@ def test_any_command_line_is_understood_or_refused(times):
     def fuzz(preset, names, episodes, assignments):
         lists = dict(zip(list(Options.__annotations__)[:6], names, strict=True))
         study = partial(study_of, preset, **lists, episodes=episodes, settings=assignments)
-        understood(lambda: cells_of(study(), RECIPES))
+        understood(lambda: cells_of(study(), DEMOS_KEYS))
 
     fuzz()
 
@@ -89,7 +89,7 @@ def test_any_value_of_a_config_is_understood_or_refused(times):
             methods=(place[0],),
             settings={place: json.loads(json.dumps(value))},
         )
-        understood(lambda: cells_of(study, RECIPES))
+        understood(lambda: cells_of(study, DEMOS_KEYS))
 
     fuzz()
 
@@ -99,7 +99,7 @@ def test_a_value_that_is_understood_can_be_learnt_with(place):
     for preset, value in product(("smoke", "audit"), (-1, 0, 1, 2, 0.5, [], [0], [1], [2, 1])):
         study = replace(STUDIES[preset], methods=(place[0],), settings={place: value})
         try:
-            fits = [cell.fit for cell in cells_of(study, RECIPES)]
+            fits = [cell.fit for cell in cells_of(study, DEMOS_KEYS)]
         except InputError:
             continue
         for fit in {fit.key: fit for fit in fits if fit.method != "expert"}.values():
@@ -108,7 +108,7 @@ def test_a_value_that_is_understood_can_be_learnt_with(place):
                 get_method(fit.method, fit.variant)(config, LAYOUT).fit(toy(0, 3), toy(3, 2), 1)
 
 
-FIT = Fit("door", "kodex", "described", "single", {"observables": 3}, 10, 0, "recipe")
+FIT = Fit("door", "kodex", "described", "single", {"observables": 3}, 10, 0, "key")
 EVALUATION = Evaluation("door", "test", controller_key="c")
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 import psutil
 import pytest
 
-from bench.store import Store
+from bench.results import Results
 
 PACKAGE = Path(__file__).parents[1] / "hostile"
 VICES = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]["entry-points"]
@@ -102,8 +102,8 @@ def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, 
     out = next(Path(clean.parents[1]).glob(f"hostile*/{out}"))
     beside, alone = files_of(out), files_of(clean)
     assert alone.items() <= beside.items()
-    reasons = {one["label"]: one["reason"] for one in Store(out).failures()}
-    rows = Store(out).frame().query("split == 'test'").set_index("method")
+    reasons = {one["label"]: one["reason"] for one in Results(out).failures()}
+    rows = Results(out).frame().query("split == 'test'").set_index("method")
     for method in METHODS:
         found = [text for label, text in reasons.items() if method in label.split("-")]
         if method in FAILING:
@@ -112,7 +112,7 @@ def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, 
         else:
             assert (found, rows.episodes[method]) == ([], 20), method
     assert rows.diverged["nans"] == 20
-    (tells,) = [one for one in Store(out).failures() if "tells" in one["label"]]
+    (tells,) = [one for one in Results(out).failures() if "tells" in one["label"]]
     assert "there is no licence file" in tells["traceback"]
     assert not [p for p in psutil.process_iter(["cmdline"]) if p.info["cmdline"] == ORPHAN]
     assert "failed (" in command("status", out)[1]

@@ -1,6 +1,7 @@
 """Results, demonstrations and runs from Python."""
 
 import sys
+from functools import partial
 from importlib.metadata import EntryPoint
 from types import ModuleType
 
@@ -87,6 +88,16 @@ def test_a_folder_without_results_is_named(task, tmp_path, opener):
     with pytest.raises(InputError, match="holds no results"):
         opener(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("given", [3, "", b"results"])
+@pytest.mark.parametrize(
+    "call", [suite.open, suite.load, partial(suite.run, "smoke")], ids=["open", "load", "run"]
+)
+def test_what_is_no_path_is_refused_by_its_value(task, tmp_path, monkeypatch, call, given):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=f"folder must be a path.*, got {given!r}"):
+        call(given)
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.driver import cores, count_jobs
+from bench.cores import cores, count_jobs
 from bench.parsing import known_names, names, scalar, seeds, settings, whole_number
 from tasks.errors import InputError
 

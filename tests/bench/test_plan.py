@@ -8,13 +8,15 @@ from typing import ClassVar
 import pytest
 
 from bench import machine, measuring, plan
+from bench.agenda import make_agenda
+from bench.computing import fit_methods
 from bench.costs import Price, calibration_seconds, fit_cost
-from bench.experiments import cells_of, recipes_of
-from bench.jobs import fit_job
-from bench.pending import pending
+from bench.jobs import jobs_of
+from bench.missing import find_missing
 from bench.presets import get_preset
+from bench.results import Results
 from bench.spec import Fit
-from bench.store import Store
+from bench.study_demos import demos_keys_of
 from methods import registry
 from methods.base import MotionMethod
 from methods.kodex import Kodex
@@ -93,7 +95,7 @@ def block(method, seeds=1):
     sizes = METHODS[method].sizes
     size, config = next(iter(sizes.items()))
     return [
-        Fit("door", method, "described", size, asdict(config), 10, seed, "recipe")
+        Fit("door", method, "described", size, asdict(config), 10, seed, "key")
         for seed in range(1, seeds + 1)
     ]
 
@@ -120,7 +122,7 @@ def price_of_a_fit():
 
 
 def time_of_a_fit():
-    return fit_job(block("kodex"), *machine.random_demos("door"))[0].seconds
+    return fit_methods(block("kodex"), *machine.random_demos("door"))[0].seconds
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -158,8 +160,10 @@ def test_a_method_that_needs_three_demonstrations_is_priced(brought, capsys):
 
 def test_the_table_of_costs_has_all_that_paper_does(tmp_path):
     study = get_preset("paper")
-    missing = pending(Store(tmp_path), cells_of(study, recipes_of(study)))
-    costs = [cost for phase in missing.costs().values() for cost in phase]
+    results = Results(tmp_path)
+    agenda = make_agenda(study, demos_keys_of(study), results)
+    missing = find_missing(results, [cell.wanted for cell in agenda.cells])
+    costs = [job.cost for job in jobs_of(agenda.cells, missing)]
     assert {cost.kind for cost in costs if not cost.known or cost.seconds <= 0} == set()
 
 

@@ -7,35 +7,35 @@ import sys
 import time
 
 import pytest
+from fake_jobs import job
 
 from bench import doing as doing_module
 from bench import run_state
 from bench.clock import Clock
-from bench.costs import Cost
 from bench.doing import doing, hush, say
+from bench.job_queue import JobQueue, name_of
 from bench.progress import EVERY, Progress
+from bench.results_writer import writing
 from bench.run_state import NAME, StateFile, read_state
-from bench.store import Store
+from bench.sealed_files import read_record, seal_record
 
 
 @pytest.fixture
-def store(tmp_path):
-    found = Store(tmp_path)
-    with found.locked():
-        found.cells.mkdir()
+def writer(tmp_path):
+    with writing(tmp_path) as found:
+        found.ask_for([])
         yield found
 
 
-def progress(store, now):
-    """A run of two controllers, four hundred fits and as many evaluations, by a made-up time."""
-    made = Progress("results/study", Clock(1, 0.0), StateFile(store), now)
+@pytest.fixture
+def queue():
+    """The jobs of two controllers, four hundred fits and as many evaluations, of a second each."""
     counts = {"controllers": 2, "fits": 400, "evaluations": 400}
-    made.expect("", {name: costs(count) for name, count in counts.items()})
-    return made
+    return JobQueue(job(f"{kind}{i}", kind=kind) for kind in counts for i in range(counts[kind]))
 
 
-def costs(count):
-    return [Cost("fit a", 1.0)] * count
+def progress(writer, queue, now):
+    return Progress("results/study", Clock(queue, 1, 0.0), StateFile(writer), now)
 
 
 class Never:
@@ -56,93 +56,95 @@ def no_ticks(monkeypatch):
     monkeypatch.setattr("bench.progress.threading.Thread", Never)
 
 
-def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(store, no_ticks, capsys):
+def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(
+    writer, queue, no_ticks, capsys
+):
     seconds = [0.0]
-    with progress(store, lambda: seconds[0]) as shown:
-        for name, count in (("controllers", 2), ("fits", 400), ("evaluations", 400)):
-            shown.begin("", name, costs(count))
-            for index in range(count):
-                shown.start(index, f"job-{index}")
-                seconds[0] += 1
-                if index % 10 == 0:
-                    shown._tick_once()
-                shown.end(index, 1.0)
+    with progress(writer, queue, lambda: seconds[0]) as shown:
+        shown.begin()
+        while one := queue.take():
+            shown.start(one)
+            seconds[0] += 1
+            if seconds[0] % 10 == 0:
+                shown._tick_once()
+            queue.finish(name_of(one))
+            shown.end(one, 1.0)
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) <= 1 + 3 + 802 / EVERY + 1
+    assert len(lines) <= 1 + 802 / EVERY + 1
     assert all(line.isascii() for line in lines)
-    assert "controllers 0/2; fits" not in lines[0]
     assert "controllers 0/2, fits 0/400, evaluations 0/400" in lines[0]
     assert "about 13 min left (13 min in all)" in lines[0]
-    middle = next(line for line in lines if "fits 400/400" in line)
-    assert "7 min gone, about 7 min left (13 min in all)" in middle
-    assert "now: job-" in lines[-2]
+    middle = next(line for line in lines if "7 min gone" in line)
+    assert "7 min gone, about 6 min left (13 min in all)" in middle
+    assert "now: " in lines[-2]
+    assert "controllers 2/2, fits 400/400, evaluations 400/400" in lines[-1]
 
 
-def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(store, no_ticks, bench):
+def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(
+    writer, queue, no_ticks, bench
+):
     def status(*options):
-        return bench("status", str(store.folder), *options)[1]
+        return bench("status", str(writer.folder), *options)[1]
 
-    with pytest.raises(KeyboardInterrupt), progress(store, lambda: 0.0) as shown:  # noqa: PT012
-        shown.begin("", "controllers", costs(2))
-        shown.start(0, "door-original-nominal")
+    with (  # noqa: PT012
+        pytest.raises(KeyboardInterrupt),
+        progress(writer, queue, lambda: 0.0) as shown,
+    ):
+        shown.begin()
+        shown.start(queue.take("controllers0"))
         shown._keep()
         said = status()
         assert re.search(r" s gone, about 13 min left \(13 min in all\)", said)
         assert "controllers 0/2, fits 0/400, evaluations 0/400" in said
-        assert "now: door-original-nominal (" in said
+        assert "now: controllers0 (" in said
         state = json.loads(status("--json"))["run"]
         assert state["running"]
-        assert state["phases"][0] == {
-            "wave": "",
-            "name": "controllers",
-            "done": 0,
-            "of": 2,
-            "failed": 0,
-        }
+        assert state["kinds"][0] == {"name": "controllers", "done": 0, "of": 2, "failed": 0}
         raise KeyboardInterrupt
     assert "stopped after 0 s; rerun the same command" in status()
     assert not json.loads(status("--json"))["run"]["running"]
 
 
-def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(store, no_ticks):
-    with progress(store, lambda: 0.0) as shown:
-        shown.begin("", "controllers", costs(2))
-        path = store.folder / NAME
-        written = json.loads(path.read_text())
-        assert read_state(store.folder)["running"]
+def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(writer, queue, no_ticks):
+    with progress(writer, queue, lambda: 0.0) as shown:
+        shown.begin()
+        path = writer.folder / NAME
+        written = read_record(path)
+        assert read_state(writer.folder)["running"]
         ended = subprocess.Popen([sys.executable, "-c", ""])
         ended.wait()
         for change, lives in (
             ({"pid": ended.pid}, False),
-            ({"started": written["started"] - 1}, False),  # the number of another process by now
+            ({"started": written["started"] - 1}, False),  # another process has its number by now
             ({"host": "elsewhere"}, True),
             ({"host": "elsewhere", "written": time.time() - 2 * run_state.SILENCE}, False),
         ):
-            path.write_text(json.dumps(written | change))
-            assert read_state(store.folder)["running"] is lives
+            path.write_bytes(seal_record(written | change))
+            assert read_state(writer.folder)["running"] is lives
 
 
-def test_a_state_that_cannot_be_read_is_as_none(store, bench):
-    path = store.folder / NAME
-    for text in ("", "{", "[]", '{"pid": "a"}', '{"host": 1, "phases": 2, "ended": 1}'):
-        path.write_text(text)
-        assert read_state(store.folder) is None
-        assert bench("status", str(store.folder))[0] == 0
+def test_a_state_that_cannot_be_read_is_as_none(writer, bench):
+    path = writer.folder / NAME
+    records = ({"pid": "a"}, {"host": 1, "phases": 2, "ended": 1}, {"ended": False})
+    for content in (b"", b"{", b"[]", *map(seal_record, records)):
+        path.write_bytes(content)
+        assert read_state(writer.folder) is None
+        assert bench("status", str(writer.folder))[0] == 0
 
 
-def test_a_state_is_never_half_written(store, no_ticks, monkeypatch):
-    with progress(store, lambda: 0.0) as shown:
-        shown.begin("", "controllers", costs(2))
-        before = (store.folder / NAME).read_bytes()
+def test_a_state_is_never_half_written(writer, queue, no_ticks, monkeypatch):
+    with progress(writer, queue, lambda: 0.0) as shown:
+        shown.begin()
+        before = (writer.folder / NAME).read_bytes()
 
         def half(path, content):
             path.write_bytes(content[: len(content) // 2])
             raise OSError("no space left on the device")
 
-        monkeypatch.setattr("bench.store.flush", half)
-        shown.start(0, "one")
+        monkeypatch.setattr("bench.sealed_files.flush", half)
+        shown.start(queue.take())
         shown._keep()
-        assert (store.folder / NAME).read_bytes() == before
+        assert (writer.folder / NAME).read_bytes() == before
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -164,8 +166,8 @@ class TestRuns:
         assert not (tmp_path / "results" / NAME).exists()
         assert seen[0]["running"]
         first, last = said.splitlines()[0], said.splitlines()[-1]
-        assert "sizes: controllers 0/1, fits 0/1, evaluations 0/1; then: evaluations 0/4" in first
-        assert "then: evaluations 4/4" in last
+        assert "controllers 0/1, fits 0/1, evaluations 0/5" in first
+        assert "controllers 1/1, fits 1/1, evaluations 5/5" in last
         assert len(said.splitlines()) <= 5
 
     def test_nothing_is_said_where_nothing_is_missing(self, task, smoke, bench, tmp_path):
@@ -199,6 +201,20 @@ class TestRuns:
             assert "bench: " not in stdout
             if "--json" in command:
                 json.loads(stdout)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("command", ["run", "plan"])
+@pytest.mark.parametrize(
+    "wrong", [("--set", "kodex.epoch=3"), ("--sizes", "huge"), ("--methods", "mine")], ids=" ".join
+)
+def test_what_is_wrong_is_refused_before_results_are_looked_at(
+    task, smoke, bench, tmp_path, monkeypatch, command, wrong
+):
+    monkeypatch.setattr(doing_module, "MOMENT", 0.0)
+    monkeypatch.setattr(doing_module, "EVERY", 0.0)
+    code, _, error = bench(command, "smoke", "--out", str(tmp_path / "new"), *wrong)
+    assert (code, "unknown " in error, "missing" in error) == (2, True, False)
 
 
 def test_what_ends_in_a_moment_says_nothing(capsys, monkeypatch):

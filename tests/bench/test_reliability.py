@@ -19,7 +19,7 @@ import pytest
 from bench.backend import Workers
 from bench.driver import run
 from bench.presets import get_preset
-from bench.store import Store
+from bench.results import Results as StoredResults
 from reports.results import Results
 from reports.write import write_report
 
@@ -176,7 +176,7 @@ def test_whatever_is_damaged_is_set_aside_and_computed_again(
 
 def rates(folder):
     """What tables are made from: the outcome of each stored evaluation."""
-    frame = Store(folder).frame()
+    frame = StoredResults(folder).frame()
     if frame.empty:
         return {}
     places = zip(frame.folder, frame.split, frame.physics, strict=True)

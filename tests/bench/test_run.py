@@ -9,20 +9,22 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from bench import driver, load
+from bench import load
 from bench import run as run_from_python
 from bench.backend import Workers
-from bench.clock import schedule
+from bench.cli_status import progress
+from bench.computing import fit_methods
 from bench.controller import ControllerConfig
+from bench.cores import cores
 from bench.costs import fit_cost
-from bench.driver import cores, run
-from bench.experiments import EXPERIMENTS, cells_of, chosen_sizes, learning_from, recipes_of
-from bench.jobs import fit_job
+from bench.driver import run
+from bench.experiments import cells_of
 from bench.merge import merge
 from bench.parsing import settings
 from bench.presets import get_preset
-from bench.selection import best_size
-from bench.store import Store
+from bench.results import Results as StoredResults
+from bench.results_writer import writing
+from bench.study_demos import learning_from
 from methods import registry
 from methods.kodex import Kodex
 from reports.results import Results
@@ -48,7 +50,7 @@ class TestInProcess:
         code, said, _ = bench("run", "smoke", "--out", str(out), "--jobs", "1")
         # One controller, one fit, KODex on three splits and the expert on two.
         assert (code, said) == (0, f"7 results computed, 5 cells in {out}\n")
-        frame = Store(out).frame().set_index(["method", "split"])
+        frame = StoredResults(out).frame().set_index(["method", "split"])
         assert dict(frame.episodes) == {
             ("expert", "ood"): 20,
             ("expert", "test"): 20,
@@ -73,31 +75,36 @@ class TestInProcess:
     def test_status_counts_what_is_done(self, task, smoke, bench, tmp_path):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         whole = {"controllers": 1, "controllers_done": 1, "run": None}
-        whole |= {"fits": 2, "fits_done": 2, "evaluations": 5, "evaluations_done": 5}
+        whole |= {"fits": 1, "fits_done": 1, "evaluations": 5, "evaluations_done": 5}
+        whole |= {"missing_episodes": 0}
         whole |= {"failures": [], "notes": []}
         assert json.loads(bench("status", str(tmp_path), "--json")[1]) == whole
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).unlink()
         assert "evaluations: 4 of 5 done" in bench("status", str(tmp_path))[1]
 
-    def test_status_counts_evaluations_of_all_episodes_and_of_what_was_asked_for_alone(
-        self, task, smoke, bench, tmp_path
+    def test_status_counts_evaluations_with_all_episodes_that_were_asked_for(
+        self, task, smoke, tmp_path, capsys
     ):
         run(get_preset("smoke"), tmp_path, Workers(1, "sequential"))
-        store = Store(tmp_path)
-        study, notes = store.study(), store.notes()
+        results = StoredResults(tmp_path)
+        wanted = {one.place: one for one in results.manifest().wanted}
         label = "door-kodex-described-single-n6-s0"
-        test, ood = (f"eval-{split}-nominal-original-appendix" for split in ("test", "ood"))
-        assert study[label]["episodes"][test] == 20
-        study[label]["episodes"][test] = 21
-        study[label]["evaluations"][ood] = 64 * "0"
-        store.write_study(study, notes)
-        assert store.progress()["evaluations_done"] == 3
-        for entry in study.values():
-            del entry["episodes"]
-        store.write_study(study, notes)
-        assert store.progress()["evaluations_done"] == 4
+        test, ood = (
+            wanted[label, f"eval-{split}-nominal-original-appendix"] for split in ("test", "ood")
+        )
+        more = replace(test, episodes=test.episodes + 1)
+        other = replace(ood, evaluation=replace(ood.evaluation, key=64 * "0"))
+        with writing(tmp_path) as writer:
+            writer.ask_for([more, other])
+        assert progress(results)["evaluations_done"] == 3
+        with writing(tmp_path) as writer:
+            writer.ask_for([test])
+        assert progress(results)["evaluations_done"] == 4
         next(tmp_path.glob("cells/door-kodex*/eval-test*")).write_bytes(b"damaged")
-        assert store.progress()["evaluations_done"] == 3
+        assert progress(results)["evaluations_done"] == 3
+        next(tmp_path.glob("cells/door-kodex*/weights*")).write_bytes(b"damaged")
+        assert progress(results)["evaluations_done"] == 2
+        assert capsys.readouterr().err.count("is damaged") == 2
 
     def test_a_plan_prices_what_is_missing(self, task, smoke, bench, tmp_path):
         options = ("smoke", "--jobs", "1", "--out", str(tmp_path))
@@ -144,7 +151,7 @@ class TestInProcess:
         table = pd.read_parquet(export)
         pd.testing.assert_frame_equal(table, load(out))
         assert len(table) == 2 + 4 * 20
-        frame = Store(out).frame()
+        frame = StoredResults(out).frame()
         counted = table.groupby(["method", "split"], observed=True).success.sum()
         assert dict(counted) == dict(frame.set_index(["method", "split"]).successes)
 
@@ -159,7 +166,7 @@ class TestInProcess:
         code, said, _ = bench("merge", str(a), str(b), str(c), "--out", str(tmp_path / "out"))
         assert (code, said) == (0, f"2 fits in {tmp_path / 'out'}\n")
         assert files_of(tmp_path / "out") == files_of(whole)
-        merged, alone = Store(tmp_path / "out").frame(), Store(whole).frame()
+        merged, alone = StoredResults(tmp_path / "out").frame(), StoredResults(whole).frame()
         assert (merged[merged.method == "kodex"].fit_seconds > 0).all()
         pd.testing.assert_frame_equal(
             merged.drop(columns="fit_seconds"), alone.drop(columns="fit_seconds")
@@ -221,7 +228,7 @@ class TestInProcess:
     ):
         study = get_preset("smoke")
         run(study, tmp_path, Workers(1, "sequential"))
-        before, asked = files_of(tmp_path), Store(tmp_path).study()
+        before, asked = files_of(tmp_path), StoredResults(tmp_path).manifest()
         for other, answer in (
             (replace(study, controller=ControllerConfig(epochs=6)), "another controller .its conf"),
             (
@@ -234,7 +241,7 @@ class TestInProcess:
             assert "of door-kodex-described-single-n6-s0 with" in str(refusal.value)
             assert "choose another folder" in str(refusal.value)
         assert files_of(tmp_path) == before
-        assert Store(tmp_path).study() == asked
+        assert StoredResults(tmp_path).manifest() == asked
 
     def test_results_of_another_version_are_set_aside_and_computed_again(
         self, task, smoke, tmp_path, monkeypatch, capsys
@@ -254,7 +261,7 @@ class TestInProcess:
         (place, value), *_ = settings([f"ngf.hidden={written}"]).items()
         study = replace(get_preset("smoke"), methods=("ngf",), settings={place: value})
         study = replace(study, episodes={"success": 1})
-        configs = [cell.fit.config for cell in cells_of(study, {"door": "recipe"})]
+        configs = [cell.fit.config for cell in cells_of(study, {"door": "key"})]
         assert [config["hidden"] for config in configs if config] == [[64, 32]]
 
     def test_other_settings_are_other_cells(self, task, smoke, bench, tmp_path):
@@ -263,7 +270,7 @@ class TestInProcess:
         assert bench("run", "smoke", *out, "--set", "kodex.observables=1")[1].startswith(
             "4 results"
         )
-        frame = Store(tmp_path).frame()
+        frame = StoredResults(tmp_path).frame()
         configs = frame[frame.split == "validation"].set_index("settings").config
         assert {name: config["observables"] for name, config in configs.items()} == {
             "": 3,
@@ -304,7 +311,7 @@ class TestInProcess:
             setting = ("--set", f"kodex.observables={number}")
             assert bench("run", "smoke", *options, *setting)[0] == code
         assert set(load(tmp_path).method) == {"expert", "kodex"}
-        (failure,) = Store(tmp_path).failures()
+        (failure,) = StoredResults(tmp_path).failures()
         assert failure["label"] == "door-kodex-observables=2-described-single-n6-s0"
 
     def test_the_report_has_table_1_with_interval_n_and_the_published_value(
@@ -343,7 +350,9 @@ class TestInProcess:
         titles = [line for line in said.splitlines() if line.startswith("## ")]
         assert titles == ["## Success on unseen starts"]
         assert "Door: KODex alone has run, " in said
-        assert said.endswith(f"tables on the page {tmp_path / 'report/index.html'}\n")
+        assert said.endswith(
+            f" tables to {tmp_path / 'report'}\npage: {tmp_path / 'report/index.html'}\n"
+        )
         assert "numbers mean nothing" in said
         said = bench("report", str(tmp_path), "--tables")[1]
         assert "## Table 1: success of KODex on the validation starts" in said
@@ -370,7 +379,7 @@ class TestInProcess:
         run = ("run", "smoke", "--jobs", "1", "--out", str(out), "--demos", str(file))
         code, said, _ = bench(*run)
         assert (code, said.split(",")[0]) == (0, "7 results computed")
-        frame = Store(out).frame()
+        frame = StoredResults(out).frame()
         assert set(frame[frame.method == "kodex"].demos) == {3}
         assert set(frame[frame.split == "validation"].episodes) == {2}
         assert bench(*run)[1].startswith("0 results computed")
@@ -378,15 +387,15 @@ class TestInProcess:
         assert (plan["missing_fits"], plan["missing_evaluations"]) == (0, 0)
         assert bench("verify", str(out), "--jobs", "1", "--cells", "9")[0] == 0
         bench(*run[:-2])
-        frame = Store(out).frame()
-        assert frame[frame.method == "kodex"].groupby("demos").recipe.nunique().to_dict() == {
+        frame = StoredResults(out).frame()
+        assert frame[frame.method == "kodex"].groupby("demos").demos_key.nunique().to_dict() == {
             3: 1,
             6: 1,
         }
-        assert frame[frame.method == "kodex"].recipe.nunique() == 2
+        assert frame[frame.method == "kodex"].demos_key.nunique() == 2
         save_demos(load_demos(task)[:6], file)
         bench(*run)
-        others = set(Store(out).frame().recipe) - {demos_key(task)}
+        others = set(StoredResults(out).frame().demos_key) - {demos_key(task)}
         assert len(others) == 2
         labels = {f"kodex:demos={key[:8]}" for key in others}
         assert set(load(out).method) == {"expert", "kodex", *labels}
@@ -455,7 +464,7 @@ class TestInProcess:
         bench(*run, more, "--experiments", "success,ood")
         bench("pack", part, "--out", packed)
         alone = pd.read_parquet(tmp_path / "packed/evaluations.parquet")
-        with (empty := Store(tmp_path / "empty")).locked():
+        with writing(tmp_path / "empty") as empty:
             empty.ask_for([])
         bench("pack", part, str(empty.folder), "--out", packed)
         beside = pd.read_parquet(tmp_path / "packed/evaluations.parquet")
@@ -603,7 +612,7 @@ class TestInProcess:
         self, task, smoke, bench, tmp_path, monkeypatch
     ):
         bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
-        monkeypatch.setattr("bench.driver.version", lambda name: "9.9")
+        monkeypatch.setattr("bench.provenance.version", lambda name: "9.9")
         options = ("--methods", "nn", "--set", "nn.epochs=1", "--jobs", "1")
         bench("run", "smoke", *options, "--out", str(tmp_path))
         code, _, error = bench("report", str(tmp_path))
@@ -620,19 +629,19 @@ class TestInProcess:
             return success, demos[:0] if physics == "heavy_hand" else demos
 
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
-        monkeypatch.setattr("bench.driver.record", record)
+        monkeypatch.setattr("bench.training_data.record", record)
         (failed,) = run(study, tmp_path, Workers(1, "sequential")).failed
         assert failed.startswith(
             "door-tuned-on-successes-heavy_hand: TrainingError: controller of door has no samples"
             " to learn from"
         )
-        tried = Store(tmp_path).frame().query("controller == 'tuned-on-successes'").physics
+        tried = StoredResults(tmp_path).frame().query("controller == 'tuned-on-successes'").physics
         assert set(tried) == {*VARIATIONS} - {"heavy_hand"}
 
     def test_an_audit_tries_other_masses_and_other_controllers(self, task, smoke, bench, tmp_path):
         study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
         assert not run(study, tmp_path, Workers(1, "sequential")).failed
-        frame = Store(tmp_path).frame()
+        frame = StoredResults(tmp_path).frame()
         kodex = frame[(frame.method == "kodex") & (frame.variant == "described")]
         assert set(kodex[kodex.controller == "original"].physics) == {
             "nominal",
@@ -664,12 +673,12 @@ class TestInProcess:
 
     def test_fits_are_timed_once_and_apart_from_the_run(self, task, smoke, bench, tmp_path):
         bench("run", "smoke", "--methods", "kodex,nn", "--out", str(tmp_path), "--jobs", "1")
-        assert Store(tmp_path).frame().fit_seconds.isna().all()
+        assert StoredResults(tmp_path).frame().fit_seconds.isna().all()
         code, said, _ = bench("time", str(tmp_path))
         assert code == 0
         assert said.startswith("door-kodex-described-single-n6-s0: ")
         assert "2 fits timed" in said
-        frame = Store(tmp_path).frame()
+        frame = StoredResults(tmp_path).frame()
         assert (frame[frame.method != "expert"].fit_seconds > 0).all()
         assert "0 fits timed" in bench("time", str(tmp_path))[1]
 
@@ -742,136 +751,6 @@ class TestInProcess:
         assert not out.exists()
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "experiment"),
-    [
-        (("kodex", "observables"), 2, "lifting"),
-        (("lstm", "teacher_forced"), True, "audit"),
-        (("ndp", "hidden"), [8], "sizes"),
-    ],
-)
-def test_what_an_experiment_compares_cannot_be_set(place, value, experiment):
-    study = replace(get_preset("paper"), settings={place: value})
-    with pytest.raises(InputError, match=f"is what {experiment} compares"):
-        cells_of(study, dict.fromkeys(study.tasks, "recipe"))
-    others = {name: 10 for name in study.episodes if name not in (experiment, "audit")}
-    assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "recipe"))
-
-
-def test_controllers_that_learn_from_the_expert_are_its_own_whatever_methods_learn_from():
-    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
-    own, other = cells_of(study, recipes_of(study)), cells_of(study, {"door": "of a file"})
-    assert len(own) == len(other)
-    for mine, theirs in zip(own, other, strict=True):
-        if mine.controller is not None:
-            alike = not mine.controller.name.startswith("original")
-            assert (mine.controller == theirs.controller) == alike
-
-
-def test_what_comes_of_a_file_of_demonstrations_hangs_on_the_simulator(monkeypatch):
-    study = replace(get_preset("smoke"), methods=("kodex",))
-    cells = cells_of(study, {"door": "of a file"})
-    before = [(cell.fit.key, cell.evaluation.key(cell.fit)) for cell in cells]
-    monkeypatch.setattr("mujoco.__version__", "9.9")
-    for cell, (fit, evaluation) in zip(cells, before, strict=True):
-        if cell.fit.method == "kodex":
-            assert cell.fit.key == fit
-            assert cell.evaluation.key(cell.fit) != evaluation
-
-
-def test_a_whole_number_may_be_set_with_an_exponent():
-    study = replace(get_preset("smoke"), methods=("nn",), settings=settings(["nn.epochs=1e3"]))
-    configs = [cell.fit.config for cell in cells_of(study, {"door": "recipe"})]
-    assert {repr(config["epochs"]) for config in configs if config} == {"1000"}
-
-
-@pytest.mark.parametrize(
-    ("name", "field"), [("kodex", "cutoff"), ("ndp", "goal_gain"), ("ndp", "weight_gain")]
-)
-def test_a_whole_number_is_the_same_setting_as_a_float(name, field):
-    def keys(value):
-        study = replace(get_preset("smoke"), methods=(name,), settings={(name, field): value})
-        return [cell.fit.key for cell in cells_of(study, {"door": "recipe"})]
-
-    assert keys(1) == keys(1.0)
-
-
-def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
-    study = replace(get_preset("paper"), settings={("ngf", "window"): 5})
-    recipes = dict.fromkeys(study.tasks, "recipe")
-    with pytest.raises(InputError, match="unknown config field of ngf as published 'window'"):
-        cells_of(study, recipes)
-    assert cells_of(replace(study, variants=("described",)), recipes)
-    episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
-    assert cells_of(replace(study, episodes=episodes), recipes)
-
-
-def test_a_method_without_the_chosen_sizes_has_its_own():
-    study = replace(get_preset("quick"), sizes=("large",))
-    cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
-    sizes = {(cell.fit.method, cell.fit.size) for cell in cells}
-    assert ("kodex", "single") in sizes
-    assert {size for name, size in sizes if name not in ("kodex", "expert")} == {"large"}
-    with pytest.raises(InputError, match="has the size 'single'; methods that have it: kodex"):
-        cells_of(replace(study, methods=("nn",), sizes=("single",)), {})
-
-
-def test_experts_are_evaluated_once_for_all_methods():
-    study = get_preset("paper")
-    cells = cells_of(study, dict.fromkeys(study.tasks, "recipe"))
-    places = [(cell.fit.key, cell.evaluation.name) for cell in cells]
-    assert len(places) == len(set(places))
-    experts = [cell for cell in cells if cell.fit.method == "expert"]
-    assert len({cell.fit.key for cell in experts}) == len(study.tasks)
-
-
-def test_unknown_experiments_are_refused():
-    with pytest.raises(InputError, match="did you mean 'success'"):
-        cells_of(replace(get_preset("smoke"), episodes={"sucess": 1}), {"door": ""})
-
-
-def test_the_size_that_does_best_on_validation_is_chosen_and_ties_go_to_the_smaller():
-    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex", "nn", "lstm"))
-    rows = [("nn", "small", 1, 10), ("nn", "small", 2, 20), ("nn", "median", 1, 25)]
-    rows += [("nn", "median", 2, 5), ("nn", "large", 1, 14), ("lstm", "large", 1, 3)]
-    frame = pd.DataFrame(rows, columns=["method", "size", "seed", "successes"]).assign(
-        task="door", split="validation", variant="described", demos=200, episodes=50
-    )
-    other = frame.assign(split="test", successes=50)
-    chosen = chosen_sizes(study, pd.concat([other, frame]))
-    assert chosen == {("door", "nn"): "small", ("door", "lstm"): "large"}
-
-
-def test_a_tie_is_one_in_whatever_order_the_seeds_are_averaged():
-    rows = [("small", n) for n in (42, 41, 38, 43, 39)]
-    rows += [("median", n) for n in (42, 42, 39, 40, 40)]
-    frame = pd.DataFrame(rows, columns=["size", "successes"]).assign(episodes=50)
-    rates = (frame.successes / frame.episodes).groupby(frame["size"]).mean()
-    assert rates["small"] < rates["median"]
-    assert best_size(frame, ["small", "median"]) == "small"
-
-
-def test_robustness_pairs_each_variation_with_both_controllers():
-    study = replace(get_preset("paper"), tasks=("tool",), episodes={"robustness": 200})
-    cells = cells_of(study, {"tool": "recipe"})
-    for_kodex = [cell for cell in cells if cell.fit.method == "kodex"]
-    assert len(for_kodex) == 1 + 4 * 2
-    tuned = {cell.controller.key for cell in for_kodex if cell.evaluation.controller == "tuned"}
-    assert len(tuned) == 4
-    assert sum(cell.fit.method == "expert" for cell in cells) == 5
-    assert {cell.evaluation.split for cell in cells} == {"test"}
-
-
-def test_the_paper_has_every_experiment_and_shares_cells():
-    study = get_preset("paper")
-    recipes = dict.fromkeys(study.tasks, "recipe")
-    assert list(study.episodes) == list(EXPERIMENTS)
-    apart = sum(len(EXPERIMENTS[name](study, recipes, {})) for name in study.episodes)
-    assert len(cells_of(study, recipes)) < apart
-    sets = {c.fit.variant for c in cells_of(study, recipes) if c.fit.method == "kodex"}
-    assert {"described", "set_1", "set_2", "set_4", "cutoff_tenfold"} <= sets
-
-
 class Failing(Kodex):
     name = "failing"
     version = 7
@@ -894,13 +773,13 @@ def test_a_failure_is_noted_and_the_rest_goes_on(task, smoke, bench, tmp_path, m
         code, _, error = bench("run", "smoke", *options, "--out", str(tmp_path))
         assert code == 3
         assert "seed 2: fit raised ZeroDivisionError: seed two never works" in error
-        (failure,) = Store(tmp_path).failures()
+        (failure,) = StoredResults(tmp_path).failures()
         assert failure["tries"] == tries
         assert "in fit" in failure["traceback"]
-    assert set(Store(tmp_path).frame().seed) == {1, 3}
+    assert set(StoredResults(tmp_path).frame().seed) == {1, 3}
     monkeypatch.setattr(Failing, "fit", Kodex.fit)
     assert bench("run", "smoke", *options, "--out", str(tmp_path))[0] == 0
-    assert Store(tmp_path).failures() == []
+    assert StoredResults(tmp_path).failures() == []
     registry.get_method.cache_clear()
 
 
@@ -913,21 +792,13 @@ def test_a_failure_is_forgotten_once_its_evaluation_succeeds_in_pieces(
 
     study = replace(get_preset("smoke"), episodes={"ood": 8})
     with monkeypatch.context() as patch:
-        patch.setattr("bench.jobs.rollout", rollout)
+        patch.setattr("bench.computing.rollout", rollout)
         assert len(run(study, tmp_path, Workers(1, "sequential")).failed) == 2
-    assert len(Store(tmp_path).failures()) == 2
-    monkeypatch.setattr("bench.driver.CHUNK", 2)
+    assert len(StoredResults(tmp_path).failures()) == 2
+    monkeypatch.setattr("bench.missing.CHUNK", 2)
     for episodes in (4, 8):
         run(replace(study, episodes={"ood": episodes}), tmp_path, Workers(1, "sequential"))
-    assert Store(tmp_path).failures() == []
-
-
-def test_a_plan_schedules_jobs_as_they_come():
-    assert schedule([], 3) == 0
-    assert schedule([1, 2, 3], 1) == 6
-    assert schedule([1, 1, 1, 9], 2) == 10
-    assert schedule([9, 1, 1, 1], 2) == 9
-    assert schedule([5, 1], 128) == 5
+    assert StoredResults(tmp_path).failures() == []
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -936,9 +807,9 @@ def test_the_longest_job_begins_first(task, smoke, tmp_path, monkeypatch):
 
     def noted(fits, demos, validation):
         begun.append(fit_cost(fits).seconds)
-        return fit_job(fits, demos, validation)
+        return fit_methods(fits, demos, validation)
 
-    monkeypatch.setattr(driver, "fit_job", noted)
+    monkeypatch.setattr("bench.jobs.fit_methods", noted)
     study = replace(get_preset("smoke"), methods=("kodex", "ndp", "nn"), episodes={"success": 5})
     run(study, tmp_path, Workers(1, "sequential"))
     assert begun == sorted(begun, reverse=True)

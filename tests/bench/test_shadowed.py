@@ -12,7 +12,7 @@ import bench
 ROOT = Path(bench.__file__).parents[1]
 STATEMENTS = {
     "a function": "import bench; bench.load('results')",
-    "a module": "import bench.store",
+    "a module": "import bench.results",
     "a name": "from bench.presets import Study",
 }
 

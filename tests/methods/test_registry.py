@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.driver import Outcome
+from bench.runner import Outcome
 from methods import registry
 from methods.registry import MethodError, get_method, method_names, unusable
 from tasks.errors import InputError

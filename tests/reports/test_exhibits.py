@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_rgb
 
 from bench.experiments import cells_of
 from bench.presets import get_preset
 from reports.exhibit import Exhibit
 from reports.figure_7 import EXHIBIT as FIGURE_7
 from reports.results import Results
+from reports.starts import OUTCOMES
 from reports.style import TASKS, colour
 from reports.table_1 import EXHIBIT as TABLE_1
 from reports.table_2 import EXHIBIT as TABLE_2
@@ -43,7 +45,7 @@ class MadeUp(Results):
         study = get_preset("paper")
         rng = generator("made up")
         rows = []
-        for cell in cells_of(study, dict.fromkeys(study.tasks, "recipe")):
+        for cell in cells_of(study, dict.fromkeys(study.tasks, "key")):
             counts = {
                 "episodes": cell.episodes,
                 "successes": int(cell.episodes * rate(cell.fit.label)),
@@ -260,3 +262,18 @@ def test_training_times_are_lines_only_over_several_numbers_of_demonstrations(re
         "Relocation",
         "Reorientation",
     ]
+
+
+@pytest.mark.parametrize("paper", ["#fdfdfc", "#17181a"], ids=["light", "dark"])
+@pytest.mark.parametrize("outcome", OUTCOMES)
+def test_starts_can_be_told_from_a_light_and_from_a_dark_page(paper, outcome):
+    least = 2.2 if outcome == "every seed succeeds" else 3.0  # WCAG's for graphical objects
+    light = [luminance(OUTCOMES[outcome]["color"]), luminance(paper)]
+    assert (max(light) + 0.05) / (min(light) + 0.05) >= least
+
+
+def luminance(colour):
+    """The relative luminance of WCAG 2."""
+    parts = np.array(to_rgb(colour))
+    linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return linear @ [0.2126, 0.7152, 0.0722]

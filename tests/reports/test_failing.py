@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bench.replay import replay
-from bench.store import Store
+from bench.results import Results as StoredResults
 from reports.failing import ELSEWHERE, FAILURES, count_modes, draw_failures, failures
 from reports.motions import draw_motion, motions
 from reports.results import Results
@@ -42,7 +42,7 @@ def row_of(folder, method, split="test"):
 class TestFailures:
     def test_there_is_a_row_with_one_mode_for_each_failed_episode(self, task, results):
         found = failures(results, task.name, "kodex")
-        stored = Store(results).outcomes(row_of(results, "kodex"))
+        stored = StoredResults(results).outcomes(row_of(results, "kodex"))
         assert found.start.tolist() == stored.start[~stored.success].tolist() == [0, 3, 6]
         assert set(found["mode"]) <= {DIVERGED, *task.failure_modes}
         assert set(found.split) == {"test"}
@@ -110,8 +110,8 @@ def test_a_replay_is_the_stored_episode(task, results):
         for split in ("test", "ood"):
             row = row_of(results, method, split)
             seen = replay(results, row, [1, 4, 5]).episodes
-            stored = Store(results).outcomes(row).iloc[[1, 4, 5]]
-            readings = Store(results).readings(row)[[1, 4, 5]]
+            stored = StoredResults(results).outcomes(row).iloc[[1, 4, 5]]
+            readings = StoredResults(results).readings(row)[[1, 4, 5]]
             assert seen.steps.tolist() == stored.steps.tolist()
             np.testing.assert_array_equal(seen.readings.astype(np.float32), readings)
 
@@ -134,7 +134,9 @@ class TestMotions:
         found = motions(results, task.name, "kodex", 0)
         first = found[found.t == 0]
         np.testing.assert_allclose(first.predicted, first.demonstrated, atol=1e-9)
-        stored = Store(results).diagnostics(row_of(results, "kodex")["folder"])["imitation_error"]
+        stored = StoredResults(results).diagnostics(row_of(results, "kodex")["folder"])[
+            "imitation_error"
+        ]
         np.testing.assert_array_equal(first.error, stored)
 
     def test_a_figure_has_a_panel_for_each_joint_with_its_unit(self, task, results):
@@ -156,6 +158,19 @@ class TestMotions:
         once = written()
         assert {f"{name}.{kind}" for name in names for kind in ("svg", "csv")} <= set(once)
         assert written() == once
+
+    def test_a_report_whose_motions_all_fail_names_them_and_ends_with_exit_code_3(
+        self, bench, results, monkeypatch, tmp_path
+    ):
+        def refuse(*arguments):
+            raise InputError("the fit cannot be loaded")
+
+        monkeypatch.setattr("reports.motions._motions", refuse)
+        code, _, error = bench("report", str(results), "--out", str(tmp_path / "report"))
+        assert code == 3
+        assert "no motion of kodex on relocation: the fit cannot be loaded" in error
+        assert "left out: Predicted and tracked motions: InputError: no motion can be" in error
+        assert (tmp_path / "report/tables/unseen.md").exists()
 
     def test_packed_results_have_none(self, bench, task, results, tmp_path):
         packed = tmp_path / "packed"

@@ -62,7 +62,7 @@ class Few(Results):
         places = ({"split": split} for split in ("validation", "test", "ood"))
         same = {
             **{"task": "door", "variant": "described", "size": "single", "demos": 200},
-            **{"physics": "nominal", "rule": "appendix", "controller_key": "", "recipe": "r"},
+            **{"physics": "nominal", "rule": "appendix", "controller_key": "", "demos_key": "k"},
             **{"config": {}, "episodes": 200, "diverged": 0, "fit_seconds": 2.0},
         }
         self.frame = pd.DataFrame(
@@ -315,8 +315,14 @@ def test_a_failing_start_has_a_film_or_the_command_for_one(opened, tmp_path):
     rows = view.locator("#failures tbody tr")
     assert rows.first.locator("a").get_attribute("href") == "#film-door-start-19"
     (tmp_path / "door-start-19.mp4").unlink()
-    command = opened().locator("#failures td code").first.text_content()
-    assert command == "bench video door --results DIR --methods kodex --start 19"
+    view = opened()
+    view.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+    command = view.locator("#failures td code").first
+    assert command.text_content() == (
+        "bench video door --results my-study --methods kodex --start 19"
+    )
+    command.click()
+    assert command.evaluate("one => String(getSelection())") == command.text_content()
 
 
 def test_the_page_of_the_same_results_has_the_same_bytes(report, tmp_path, monkeypatch):

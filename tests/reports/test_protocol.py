@@ -17,17 +17,17 @@ CONTROLLERS = {}
 """By key, the fields of the controllers that `rows` has met."""
 
 
-def rows(preset, recipe="recipe", **values):
+def rows(preset, demos_key="key", **values):
     """The rows that a preset of Door gives."""
     study = replace(get_preset(preset), **{"tasks": ("door",), "seeds": (1, 2, 3), **values})
     found = []
-    for cell in cells_of(study, dict.fromkeys(study.tasks, recipe)):
+    for cell in cells_of(study, dict.fromkeys(study.tasks, demos_key)):
         if cell.controller:
             CONTROLLERS[cell.controller.key] = asdict(cell.controller)
         found.append(asdict(cell.fit) | asdict(cell.evaluation))
     frame = pd.DataFrame(found)
     # The expert's demonstrations are those that presets learn from.
-    return frame.assign(recipe=frame.recipe.where(frame.method != "expert", "recipe"))
+    return frame.assign(demos_key=frame.demos_key.where(frame.method != "expert", "key"))
 
 
 def differing(*parts):

@@ -39,7 +39,7 @@ def everything():
     """All evaluations of the preset `paper`, of methods of the suite and of other packages."""
     study = replace(get_preset("paper"), methods=SUITE[1:], seeds=(1, 2))
     study = replace(study, episodes=dict.fromkeys(study.episodes, 12))
-    cells = cells_of(study, dict.fromkeys(TASKS, "recipe"))
+    cells = cells_of(study, dict.fromkeys(TASKS, "key"))
     rows = [
         asdict(cell.fit) | asdict(cell.evaluation) | {"folder": f"{cell.fit.label}-{cell.fit.key}"}
         for cell in cells
@@ -59,7 +59,7 @@ def rows_of(name):
                 for seed in seeds:
                     label = f"{task}-{name}-{size}-{demos}-{seed}"
                     fit = {"method": name, "variant": "described", "size": size, "config": {}}
-                    fit |= {"demos": demos, "seed": seed, "recipe": "recipe", "folder": label}
+                    fit |= {"demos": demos, "seed": seed, "demos_key": "key", "folder": label}
                     yield from ({**fit, **asdict(place)} for place in places)
 
 
@@ -84,7 +84,7 @@ class Subset(Results):
 
     def controller_spec(self, key):
         config = {"learning_rate": 1e-4, "epochs": 300}
-        return {"config": config, "demos": 10 if key < "8" else 200, "recipe": "recipe"}
+        return {"config": config, "demos": 10 if key < "8" else 200, "demos_key": "key"}
 
     def diagnostics(self, folder):
         eigenvalues = 0.7 * generator(folder).standard_normal((50, 2))

@@ -13,7 +13,7 @@ import pytest
 
 from bench.controller import ControllerConfig
 from bench.experiments import cells_of
-from bench.store import Store
+from bench.results import Results as StoredResults
 from bench.studies import study_of
 from methods.kodex import Kodex
 from reports.results import Results
@@ -45,7 +45,7 @@ def test_shipped_methods_are_ordered_by_rate_and_compared_start_by_start(task):
     study = study_of(
         "paper", experiments="success", methods="kodex", tasks="door", seeds=(1,), episodes=400
     )
-    (cell,) = cells_of(study, {"door": "recipe"})
+    (cell,) = cells_of(study, {"door": "key"})
     shipped = Shipped(cell)
     trial = Trial(cell, shipped.success(task="door", method="kodex", split="test")[0, :400])
     table = trial.beside(shipped)
@@ -138,7 +138,7 @@ def test_nothing_but_the_method_is_evaluated_and_a_second_time_nothing_is(bench,
     reference()
     first, again = (tried(bench, "--episodes", "4") for _ in range(2))
     assert first | {"seconds": 0} == again | {"seconds": 0}
-    frame = Store(Path("results/try")).frame()
+    frame = StoredResults(Path("results/try")).frame()
     assert list(zip(frame.method, frame.episodes, strict=True)) == [("kodex", 4)]
     assert frame.config[0]["observables"] == 3
     assert tried(bench, "--episodes", "4", "--set", "kodex.observables=2")["n"] == 4

@@ -1,0 +1,69 @@
+"""Cells: fits evaluated in given conditions, each with the controller that it needs."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from bench.controller import FIRST_SEED
+from bench.controller_kinds import KINDS, NO_CONTROLLER, ORIGINAL
+from bench.presets import Study
+from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
+from methods.base import ActionMethod
+from methods.registry import get_method
+from tasks.demos import demos_key
+from tasks.masses import NOMINAL
+from tasks.registry import APPENDIX, get_task
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """The conditions of an evaluation, the same for every fit."""
+
+    split: str
+    physics: str = NOMINAL
+    controller: str = ORIGINAL
+    """Kind of the controller of a fit that needs one."""
+    controller_seed: int = FIRST_SEED
+    rule: str = APPENDIX
+    """The rule that decides on success."""
+
+
+def cells(
+    study: Study, fits: Sequence[Fit], conditions: Iterable[Conditions], episodes: int
+) -> list[Cell]:
+    """Returns a cell for each fit in each of the conditions."""
+    return [_cell(study, fit, place, episodes) for place in conditions for fit in fits]
+
+
+def tracked(fits: Iterable[Fit]) -> list[Fit]:
+    """Returns the fits that predict motions, which a controller tracks."""
+    return [fit for fit in fits if _is_tracked(fit)]
+
+
+def _is_tracked(fit: Fit) -> bool:
+    return fit.method != EXPERT and not issubclass(get_method(fit.method), ActionMethod)
+
+
+def _cell(study: Study, fit: Fit, place: Conditions, episodes: int) -> Cell:
+    controller = _controller(study, fit, place) if _is_tracked(fit) else None
+    evaluation = Evaluation(
+        fit.task,
+        place.split,
+        place.physics,
+        controller.name if controller else NO_CONTROLLER,
+        controller.key if controller else "",
+        place.rule,
+    )
+    return Cell(fit, evaluation, episodes, controller)
+
+
+def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
+    kind = KINDS[place.controller]
+    return ControllerSpec(
+        fit.task,
+        kind.name,
+        study.controller,
+        study.demos,
+        demos_key(get_task(fit.task)) if kind.records_expert else fit.demos_key,
+        place.physics if kind.changed_physics else NOMINAL,
+        place.controller_seed,
+    )

@@ -1,0 +1,131 @@
+"""What the process of a job computes: a controller, fits, or an evaluation.
+
+Each function depends on its arguments alone and returns one result for each thing that it makes. A
+method's results are bytes, see `methods.contract`.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bench.controller import Controller, train_controller
+from bench.remarks import who_answers
+from bench.rollout import FeedbackPolicy, TrackedMotion
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit
+from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.contract import ContractError, Learnt, learn, loaded, motion
+from methods.guard import guarded
+from methods.registry import get_method
+from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
+from tasks.experts import load_expert
+from tasks.files import from_bytes, to_bytes
+from tasks.registry import get_task
+from tasks.simulator import CHUNK, Policy, rollout
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a fit or a controller has learnt, as the content of files."""
+
+    parameters: bytes
+    diagnostics: bytes
+    seconds: float
+    """CPU time, of this seed alone."""
+
+
+def fit_controller(spec: ControllerSpec, demos: Demos) -> list[Fitted]:
+    """Returns a controller's weights."""
+    began = time.process_time()
+    weights = train_controller(spec.config, demos, spec.task, spec.seed)
+    return [Fitted(to_bytes(weights), b"", time.process_time() - began)]
+
+
+def fit_methods(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fitted]:
+    """Returns what is learnt by each of the fits, which differ only in their seeds."""
+    first = fits[0]
+    method, layout = get_method(first.method, first.variant), get_task(first.task).layout
+    # A global random stream must not depend on which seeds are fitted together.
+    alone = () if fits_together(method) else (first.seed,)
+    stream = (first.task, first.method, first.variant, first.size, first.demos, *alone)
+    with guarded(*stream), _named(fits):
+        began = time.process_time()
+        learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
+        seconds = (time.process_time() - began) / len(fits)
+        return [_fitted(one, validation, seconds) for one in learnt]
+
+
+def _fitted(learnt: Learnt, validation: Demos, seconds: float) -> Fitted:
+    diagnostics = from_bytes(learnt.diagnostics)
+    if isinstance(learnt.method, MotionMethod):
+        diagnostics["imitation_error"] = imitation_error(learnt.method, validation)
+    return Fitted(learnt.parameters, to_bytes(diagnostics) if diagnostics else b"", seconds)
+
+
+def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
+    """Returns mean |predicted - demonstrated x_r| over demonstrations and t = 2..T, (H,)."""
+    wanted = validation.states[:, 1:, : method.layout.robot_dim]
+    predicted = motion(method, validation.states[:, 0], wanted.shape[1])
+    errors = np.abs(predicted[:, 1:, : method.layout.robot_dim] - wanted)
+    return errors.mean(axis=(0, 1))
+
+
+def evaluate(
+    cell: Cell, starts: Starts, kept: int, parameters: bytes, controller: bytes, threads: int
+) -> list[Episodes]:
+    """Returns the episodes of a cell from some starts, as one result.
+
+    Each chunk of starts meets the method as it was stored: an earlier chunk changes nothing.
+
+    Args:
+        cell: what is evaluated, and in which conditions.
+        starts: of the episodes.
+        kept: episodes that are stored already and come before these.
+        parameters: of the method, as stored.
+        controller: weights of the controller, as stored; empty for what acts by itself.
+        threads: of the simulator.
+    """
+    evaluation = cell.evaluation
+    task = get_task(evaluation.task, evaluation.rule)
+    parts = []
+    for first in range(0, len(starts), CHUNK):
+        row = kept + first
+        with guarded(f"{cell.fit.label} {evaluation.name}", row), _named([cell.fit]):
+            policy = make_policy(cell.fit, parameters, controller)
+            chunk = starts[first : first + CHUNK]
+            episodes = rollout(task, chunk, policy, evaluation.physics, threads=threads)
+            if isinstance(policy, TrackedMotion | FeedbackPolicy):
+                episodes = replace(episodes, non_finite=policy.non_finite(row))
+            parts.append(episodes)
+    return [join_episodes(parts)]
+
+
+@contextmanager
+def _named(fits: Sequence[Fit]) -> Iterator[None]:
+    """Adds method, task and seeds to the error of a method that breaks its contract.
+
+    Raises:
+        ContractError: with them.
+    """
+    try:
+        yield
+    except ContractError as error:
+        first, seeds = fits[0], [fit.seed for fit in fits]
+        who = who_answers(first.method, first.variant, first.task, seeds)
+        raise ContractError(f"{who}: {error}") from error
+
+
+def make_policy(fit: Fit, parameters: bytes, controller: bytes) -> Policy:
+    """Returns what drives the episodes of a fit."""
+    task = get_task(fit.task)
+    if fit.method == EXPERT:
+        return load_expert(task).policy
+    method: Method = loaded(
+        get_method(fit.method, fit.variant), fit.config, task.layout, parameters
+    )
+    if isinstance(method, MotionMethod):
+        return TrackedMotion(method, Controller(from_bytes(controller)))
+    assert isinstance(method, ActionMethod)
+    return FeedbackPolicy(method)

@@ -1,0 +1,35 @@
+"""How many processes and threads a run uses."""
+
+import os
+
+import joblib
+
+from tasks.errors import InputError
+
+
+def count_jobs(jobs: int | None = None) -> int:
+    """Returns the number of jobs at a time.
+
+    Args:
+        jobs: this number, or -1 for one on each core. Default: BENCH_JOBS, else -1.
+
+    Raises:
+        InputError: the number is 0, below -1, or no whole number.
+    """
+    name, text = ("jobs", str(jobs)) if jobs is not None else ("BENCH_JOBS", "")
+    text = text or os.environ.get("BENCH_JOBS") or "-1"
+    if text == "-1":
+        return cores()
+    if not text.isdecimal() or int(text) < 1:
+        raise InputError(f"{name} must be 1 or more, or -1 for one on each core, got {text!r}")
+    return int(text)
+
+
+def simulator_threads(jobs: int) -> int:
+    """Returns the threads of an evaluation while so many jobs run."""
+    return max(1, cores() // jobs)
+
+
+def cores() -> int:
+    """Returns the number of processor cores that this process may use."""
+    return int(joblib.cpu_count())

@@ -1,0 +1,62 @@
+"""Values of config fields, checked against the types that the fields declare."""
+
+import json
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
+
+from bench.parsing import scalar
+from tasks.errors import InputError
+
+
+def fits_type(value: Any, hint: Any) -> bool:
+    """Whether a value has the type that a field declares."""
+    if get_origin(hint) in (Union, UnionType):
+        return any(fits_type(value, option) for option in get_args(hint))
+    if get_origin(hint) is tuple:
+        inner = get_args(hint)
+        if not isinstance(value, list | tuple):
+            return False
+        right_length = inner[-1] is Ellipsis or len(value) == len(inner)
+        return right_length and all(fits_type(v, inner[0]) for v in value)
+    if isinstance(value, bool) or hint is bool:
+        return isinstance(value, bool) and hint is bool
+    if hint is float:
+        return isinstance(value, int | float) and -1e300 < value < 1e300  # and so not NaN
+    return isinstance(value, hint)
+
+
+def typed(value: Any, hint: Any) -> Any:
+    """Returns a value, converted to the type that a field declares where that is possible.
+
+    A tuple may be written as ``64,32``, ``(64, 32)`` or ``[64, 32]``; 1 becomes 1.0 in a field of
+    floats, and 1e3 becomes 1000 in a field of integers.
+    """
+    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    tuples = [option for option in options if get_origin(option) is tuple]
+    if tuples and isinstance(value, str) and str not in options and "," in value:
+        parts = value.strip().strip("()[]").split(",")
+        value = [scalar(part) for part in parts if part.strip()]
+    if tuples and isinstance(value, list | tuple):
+        return tuple(typed(one, get_args(tuples[0])[0]) for one in value)
+    if float in options and int not in options and fits_type(value, float):
+        return float(value)
+    if int in options and float not in options and isinstance(value, float) and value.is_integer():
+        return int(value)
+    return tuple(value) if isinstance(value, list) else value  # as configs have them
+
+
+def wrong_type(place: str, hint: Any, value: Any, default: Any) -> InputError:
+    """Returns the error for a value of another type than its field declares.
+
+    Args:
+        place: the field, ``METHOD.FIELD``.
+        hint: the type that it declares.
+        value: what was given.
+        default: the field's own value, which shows how one is written.
+    """
+    shown = hint.__name__ if isinstance(hint, type) and not get_args(hint) else hint
+    if isinstance(default, list | tuple):
+        example = ",".join(map(json.dumps, default)) + "," * (len(default) == 1)
+    else:
+        example = json.dumps(default)
+    return InputError(f"{place} takes {shown}, got {value!r}; for example --set {place}={example}")

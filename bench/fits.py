@@ -1,0 +1,117 @@
+"""The fits of a study: each method, at its sizes, in its variants, with its seeds."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from typing import Any, get_type_hints
+
+from bench.field_types import typed
+from bench.labels import as_text
+from bench.presets import Study
+from bench.selection import Sizes, compared_sizes, used_size
+from bench.spec import EXPERT, Fit
+from bench.study_demos import demos_key_of
+from methods.base import Method
+from methods.contract import resolved
+from methods.kodex import LIFTING_VARIANTS
+from methods.registry import get_method
+from tasks.demos import demos_key
+from tasks.registry import get_task
+
+
+def chosen_fits(study: Study, chosen: Sizes) -> list[Fit]:
+    """Returns for each task the expert, if the study has it, and every method at its used size."""
+    fits = []
+    for task in study.tasks:
+        if study.expert:
+            own = demos_key(get_task(task))
+            fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, own))
+        for name in study.methods:
+            fits += fits_of(study, task, name, used_size(study, get_method(name), task, chosen))
+    return fits
+
+
+def fits_of_sizes(study: Study) -> list[Fit]:
+    """Returns the fits of every method at each size that the study compares."""
+    return [
+        fit
+        for task in study.tasks
+        for name in study.methods
+        for size in compared_sizes(study, get_method(name))
+        for fit in fits_of(study, task, name, size)
+    ]
+
+
+def fits_of_variants(study: Study, chosen: Sizes) -> list[Fit]:
+    """Returns the fits of every method in each variant that ``audit`` compares."""
+    return [
+        fit
+        for task in study.tasks
+        for name in study.methods
+        for method in [get_method(name)]
+        for size in [used_size(study, method, task, chosen)]
+        for fit in fits_of(study, task, name, size, compared_variants(study, method))
+    ]
+
+
+def fits_of_kodex(study: Study, variants: Sequence[str] = ("described",)) -> list[Fit]:
+    """Returns the fits of KODex on each task; none if the study does without KODex."""
+    if "kodex" not in study.methods:
+        return []
+    return [
+        fit for task in study.tasks for fit in fits_of(study, task, "kodex", "single", variants)
+    ]
+
+
+def every_fit(study: Study, name: str) -> list[Fit]:
+    """Returns fits of a method at every size and in every variant, for the tasks of a study."""
+    method = get_method(name)
+    return [
+        fit
+        for task in study.tasks
+        for size in (used_size(study, method, task, {}), *method.sizes)
+        for fit in fits_of(study, task, name, size, list(method.variants))
+    ]
+
+
+def compared_variants(study: Study, method: type[Method]) -> list[str]:
+    """Returns the variants that ``audit`` compares. Sets of observables are left to ``lifting``."""
+    if study.variants is not None:
+        return [variant for variant in method.variants if variant in study.variants]
+    return [variant for variant in method.variants if variant not in LIFTING_VARIANTS[1:]]
+
+
+def fits_of(
+    study: Study, task: str, name: str, size: str, variants: Sequence[str] = ("described",)
+) -> Iterator[Fit]:
+    """Yields one fit for each variant that the method has, and each seed."""
+    demonstrations = demos_key_of(study, task)
+    for variant in variants:
+        method = get_method(name, variant)
+        if variant not in method.variants:
+            continue
+        plain = _config(study, method, size, variant)
+        config = resolved(_with_settings(study, method, plain))
+        before = resolved(plain)
+        changed = {field: value for field, value in config.items() if value != before.get(field)}
+        for seed in (0,) if method.deterministic else study.seeds:
+            place = (task, name, variant, size, config, study.demos, seed)
+            yield Fit(*place, demonstrations, as_text(changed))
+
+
+def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
+    """The config of a method, with the study's share of its epochs."""
+    config = replace(method.sizes[size], **method.variants[variant])
+    if "epochs" in {field.name for field in fields(config)}:
+        config = replace(config, epochs=max(1, round(config.epochs * study.epochs_share)))
+    return config
+
+
+def _with_settings(study: Study, method: type[Method], config: Any) -> Any:
+    """The config with the fields that the study sets."""
+    hints = get_type_hints(type(config))
+    changes = {
+        field: typed(value, hints[field])
+        for (name, field), value in study.settings.items()
+        if name == method.name
+    }
+    return replace(config, **changes)

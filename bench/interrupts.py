@@ -1,0 +1,55 @@
+"""Ctrl-C, SIGTERM and SIGHUP: a run stops, and keeps what ends soon."""
+
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from types import FrameType
+
+from bench.isolation import Stop
+
+GRACE = 4.0
+"""Seconds after Ctrl-C in which results of running jobs are still stored."""
+
+
+class Interrupts:
+    """Turns Ctrl-C, SIGTERM and SIGHUP into a request to stop. A context manager.
+
+    After the first signal no more jobs are sent, and jobs that end within `GRACE` are stored. The
+    second signal stops at once.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._timer = threading.Timer(GRACE, os.kill, (os.getpid(), signal.SIGINT))
+        self._timer.daemon = True
+
+    def __enter__(self) -> "Interrupts":
+        heard = threading.current_thread() is threading.main_thread()
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if heard else ()
+        ignored = {number for number in numbers if signal.getsignal(number) is signal.SIG_IGN}
+        self._before = {
+            number: signal.signal(number, self._stop) for number in numbers if number not in ignored
+        }
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._timer.cancel()
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def check(self) -> None:
+        """Raises Stop if a signal has come."""
+        if self.asked:
+            raise Stop
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        self.check()
+        self.asked = True
+        with suppress(OSError):  # the terminal may be closed
+            print(
+                f"stopping: results of the next {GRACE:.0f} s are kept; Ctrl-C again stops at once",
+                file=sys.stderr,
+            )
+        self._timer.start()

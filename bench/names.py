@@ -1,0 +1,72 @@
+"""Names of stored results, and where they lie in a results folder.
+
+A results folder holds::
+
+    study.json                  the manifest: what studies have asked for
+    cells/<label>-<key>/        one fit
+        fit.json                what it is, its times, host, versions, and SHA-256 of two files:
+        weights.safetensors     what it learnt
+        diagnostics.safetensors
+        eval-<split>-<physics>-<controller>-<rule>.parquet  one row an episode
+        times.json              how long the fit takes with the machine to itself
+    controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
+    failures/                   why there is no result yet, one file each
+    damaged/                    files set aside: damaged, or of another version
+"""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+KEY_DIGITS = 12
+CONDITIONS = ("split", "physics", "controller", "rule")
+"""The fields that tell the evaluations of a fit apart."""
+MANIFEST = "study.json"
+
+
+class Named(Protocol):
+    """What has a label for people to read, and a key that only it has."""
+
+    @property
+    def label(self) -> str:
+        """A part of a file's name."""
+
+    @property
+    def key(self) -> str:
+        """A SHA-256, 64 hexadecimal digits."""
+
+
+def folder_name(label: str, key: str) -> str:
+    """Returns the name of the folder of a fit or controller."""
+    return f"{label}-{key[:KEY_DIGITS]}"
+
+
+def evaluation_name(conditions: Mapping[str, Any]) -> str:
+    """Returns the name of an evaluation's file, without ending.
+
+    Args:
+        conditions: values of `CONDITIONS`; others are ignored.
+    """
+    return "-".join(("eval", *(str(conditions[name]) for name in CONDITIONS)))
+
+
+def cell_path(results: Path, fit: Named) -> Path:
+    """Returns the folder of a fit in a results folder."""
+    return results / "cells" / folder_name(fit.label, fit.key)
+
+
+def evaluation_path(results: Path, fit: Named, evaluation: str) -> Path:
+    """Returns the file of an evaluation, given its `evaluation_name`."""
+    return cell_path(results, fit) / f"{evaluation}.parquet"
+
+
+def controller_path(results: Path, controller: Named) -> Path:
+    """Returns the folder of a controller in a results folder."""
+    return results / "controllers" / folder_name(controller.label, controller.key)
+
+
+def failure_path(results: Path, label: str) -> Path:
+    """Returns the file that says why a result is missing."""
+    digest = hashlib.sha256(label.encode()).hexdigest()
+    return results / "failures" / f"{digest[:KEY_DIGITS]}.json"

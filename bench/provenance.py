@@ -1,0 +1,20 @@
+"""When, where and with which versions a result was made: stored beside it, not part of its key."""
+
+import platform
+import time
+from importlib.metadata import version
+from typing import Any
+
+from bench.cores import cores
+
+LIBRARIES = ("kodex-bench", "mujoco", "numpy", "scipy", "torch")
+
+
+def provenance(seconds: float) -> dict[str, Any]:
+    """Returns the facts about a result that took so many CPU seconds."""
+    return {
+        "seconds": round(seconds, 3),
+        "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "host": {"platform": platform.platform(), "cores": cores()},
+        "versions": {"python": platform.python_version()} | {n: version(n) for n in LIBRARIES},
+    }

@@ -1,0 +1,208 @@
+"""One run: its queue of jobs, filled and worked off, each result stored as soon as its job ends.
+
+A job starts once the results that it needs are stored; it waits for no other. Demonstrations are
+made and results are written by this process alone.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.agenda import Choice, choose
+from bench.backend import IN_THIS_PROCESS, Answer, Call, Listed, Workers, answers
+from bench.cores import simulator_threads
+from bench.interrupts import Interrupts
+from bench.isolation import Failure
+from bench.job_queue import JobQueue, name_of
+from bench.jobs import RunJob, jobs_of
+from bench.missing import find_missing
+from bench.other_controllers import check_controllers
+from bench.presets import Study
+from bench.progress import Progress
+from bench.provenance import provenance
+from bench.results_writer import ResultsWriter
+from bench.spec import EXPERT, Cell
+from bench.trained import trained
+from methods.base import Method
+from methods.description import stand_in
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run did."""
+
+    folder: Path
+    done: int
+    """Results that were missing and are now stored."""
+    cells: int
+    """Cells of the study."""
+    failed: tuple[str, ...]
+    """What failed, each with its reason. The same run tries it again."""
+
+
+class Runner:
+    """The jobs of a run. It is the `bench.backend.Supply` of its own jobs."""
+
+    def __init__(
+        self,
+        writer: ResultsWriter,
+        queue: JobQueue,
+        where: Workers,
+        workers: int,
+        progress: Progress,
+        interrupts: Interrupts,
+        introduce: Callable[[type[Method]], None],
+    ) -> None:
+        """Begins with the jobs of the queue.
+
+        Args:
+            writer: of the results folder.
+            queue: gets the jobs.
+            where: where they run.
+            workers: how many run at a time.
+            progress: is told what happens.
+            interrupts: says when to stop.
+            introduce: makes a method of a package known to this process, without importing it.
+        """
+        self.results = writer.results
+        self._writer, self._queue, self._where, self._workers = writer, queue, where, workers
+        self._progress, self._interrupts, self._introduce = progress, interrupts, introduce
+        self._choose: dict[str, Callable[[], None]] = {}
+        self._cells: set[tuple[str, str]] = set()
+        self._done = 0
+        self._failed: dict[str, str] = {}
+
+    # Before the jobs
+    def meet(self, names: Sequence[str], calls: Sequence[Callable[[], Call]]) -> dict[str, Failure]:
+        """Lets methods of packages be described elsewhere; returns the failures by name."""
+        failures = {}
+        for index, answer in answers(Listed(calls), self._where, self._interrupts):
+            if isinstance(answer.result, Failure):
+                failures[names[int(index)]] = answer.result
+            elif self._where.backend != IN_THIS_PROCESS:
+                self._introduce(stand_in(answer.result))
+        self._interrupts.check()
+        return failures
+
+    def check(self, cells: Iterable[Cell]) -> None:
+        """See `bench.other_controllers.check_controllers`."""
+        check_controllers(self.results, cells)
+
+    def copy_trained(self, cells: Iterable[Cell]) -> None:
+        """Copies controllers that need no training into the results folder."""
+        for spec in {
+            cell.controller.key: cell.controller for cell in cells if cell.controller
+        }.values():
+            found = None if self.results.has_controller(spec) else trained(spec)
+            if found:
+                self._writer.add_controller(spec, found.weights, found.facts)
+
+    def want(self, cells: Sequence[Cell], note: str = "", cached: bool = True) -> None:
+        """Writes down what is wanted, and adds the jobs of what is missing.
+
+        Args:
+            cells: what is wanted.
+            note: what a reader of the results must know.
+            cached: whether the cache gets new controllers.
+        """
+        self._writer.ask_for([cell.wanted for cell in cells], note)
+        self._cells |= {(cell.fit.key, cell.evaluation.name) for cell in cells}
+        self._add(cells, cached=cached)
+
+    def want_choice(self, choice: Choice, study: Study, demos_keys: Mapping[str, str]) -> None:
+        """Adds the jobs that depend on a choice of size, for now those of the default size."""
+
+        def decide() -> None:
+            self._queue.discard(job for job in self._queue.waiting if name_of(choice) in job.after)
+            self.want(choose(study, demos_keys, self.results, choice), study.note)
+
+        self._choose[name_of(choice)] = decide
+        self._queue.add([choice])
+        self._add(choice.expected, after=choice.makes)
+
+    def _add(self, cells: Sequence[Cell], after: Sequence[str] = (), cached: bool = True) -> None:
+        missing = find_missing(self.results, [cell.wanted for cell in cells])
+        self._writer.set_aside_damage()
+        if not after:
+            self._add_experts(cells)
+        missing = missing.without(self._queue.failed)
+        threads = simulator_threads(self._where.jobs)
+        self._queue.add(jobs_of(cells, missing, threads, after, cached))
+        self._queue.divide_long(self._workers)
+
+    def _add_experts(self, cells: Iterable[Cell]) -> None:
+        """Stores the records of experts, which learn nothing."""
+        for fit in {cell.fit.key: cell.fit for cell in cells if cell.fit.method == EXPERT}.values():
+            if not self.results.has_fit(fit):
+                self._writer.add_fit(fit, b"", b"", provenance(0.0))
+
+    # The jobs, as `answers` takes them
+    def take(self) -> str | None:
+        """Returns the name of the next job; makes the choices that are due on the way."""
+        with self._queue.lock:
+            job = self._queue.take()
+            while isinstance(job, Choice):
+                self._choose.pop(name_of(job))()
+                self._queue.finish(name_of(job))
+                job = self._queue.take()
+            return name_of(job) if job else None
+
+    def call(self, name: str) -> Call:
+        """Returns the call of a job that was taken."""
+        job = self._job(name)
+        self._progress.start(job)
+        return job.call(self.results)
+
+    @property
+    def ready(self) -> bool:
+        """Whether a job, or a choice, is due."""
+        return self._queue.ready
+
+    @property
+    def blocked(self) -> bool:
+        """Whether jobs wait for the results of others."""
+        return self._queue.blocked
+
+    def work(self) -> None:
+        """Does the jobs.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
+        """
+        self._progress.begin()
+        for name, answer in answers(self, self._where, self._interrupts):
+            self._end(name, answer)
+        self._interrupts.check()
+
+    def _end(self, name: str, answer: Answer) -> None:
+        job, failed = self._job(name), isinstance(answer.result, Failure)
+        if not failed:
+            job.store(answer.result, self._writer)
+            for label in job.labels:
+                self._writer.clear_failure(label)
+            self._queue.finish(name)
+            self._done += len(job.labels)
+        elif not self._queue.divide(name):
+            self.note_failure(job.label, answer.result)
+            self._queue.fail(name)
+        self._progress.end(job, answer.seconds, failed)
+
+    def _job(self, name: str) -> RunJob:
+        job = self._queue.running[name]
+        assert isinstance(job, RunJob)
+        return job
+
+    # What came of them
+    def note_failure(self, label: str, failure: Failure) -> None:
+        """Stores why there is no result of that label."""
+        self._writer.add_failure(label, failure.reason, failure.traceback, failure.tries)
+        self._failed[label] = failure.reason
+
+    def clear_failure(self, label: str) -> None:
+        """Forgets an earlier failure."""
+        self._writer.clear_failure(label)
+
+    def outcome(self) -> Outcome:
+        """Returns what was done."""
+        failed = tuple(f"{label}: {reason}" for label, reason in self._failed.items())
+        return Outcome(self.results.folder, self._done, len(self._cells), failed)

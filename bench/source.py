@@ -1,0 +1,94 @@
+"""What results are read from: a results folder, packed results, or several of them as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.labels import labelled
+from bench.names import CONDITIONS
+
+if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
+    import pandas as pd
+
+    from methods.base import Parameters
+
+NUMBERS = ("demos", "seed")
+"""Fields of a fit that are numbers."""
+_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "demos_key", "settings")
+_SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
+COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
+"""The columns of `Source.frame`."""
+OUTCOMES = ("start", "success", "diverged", "steps")
+"""The columns of `Source.outcomes`."""
+
+
+class Source(Protocol):
+    """Stored results, to read."""
+
+    def frame(self) -> pd.DataFrame:
+        """Returns one row for each stored evaluation that a study has asked for.
+
+        Columns: the fields of `Fit` and `Evaluation`; ``episodes``, and how many of them are
+        ``successes`` and ``diverged``; ``fit_seconds`` (NaN before `bench time` has measured them);
+        ``folder``, which names the fit.
+
+        Raises:
+            InputError: there are no results.
+        """
+
+    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
+        """Returns `OUTCOMES` of each episode of a row of `frame`.
+
+        Raises:
+            InputError: the episodes are no longer there, or damaged.
+        """
+
+    def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
+        """Returns what the rule reads after each control step (B, T-1) of a row of `frame`.
+
+        None where readings are not kept. Raises InputError as `outcomes` does.
+        """
+
+    def diagnostics(self, folder: str) -> Parameters:
+        """Returns the diagnostics by name of the fit in a folder that `frame` names.
+
+        Raises:
+            InputError: the fit is no longer there, or damaged.
+        """
+
+    def facts(self, folder: str) -> dict[str, Any]:
+        """Returns times, host and versions of the fit in a folder that `frame` names.
+
+        Raises:
+            InputError: the fit is no longer there, or damaged.
+        """
+
+    def notes(self) -> list[str]:
+        """Returns what a reader of the tables must know, such as a reduced protocol."""
+
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """Returns the fields of the stored controller with that key.
+
+        Raises:
+            InputError: it is not there, or damaged.
+        """
+
+
+def episodes_table(source: Source) -> pd.DataFrame:
+    """Returns the outcomes of every evaluation in one table, see `bench.load`."""
+    import pandas as pd
+
+    names = ["task", "method", "variant", "size", "demos", "seed", *CONDITIONS]
+    found = source.frame()
+    if found.empty:
+        return pd.DataFrame(columns=[*names, *OUTCOMES])
+    frame = labelled(found)
+    parts = [source.outcomes(row) for row in frame.to_dict("records")]
+    table = pd.concat(parts, ignore_index=True)
+    rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])
+    labels = frame[names].astype({name: "category" for name in names if name not in NUMBERS})
+    return pd.concat([labels.iloc[rows].reset_index(drop=True), table], axis=1)

@@ -1,0 +1,111 @@
+"""The cells of experiments."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from bench.controller_kinds import ON_SUCCESSES, ORIGINAL, RESEEDED, TUNED, UNCLIPPED
+from bench.experiments import EXPERIMENTS, cells_of
+from bench.presets import get_preset
+from bench.study_demos import demos_keys_of
+from tasks.errors import InputError
+from tasks.masses import NOMINAL, READINGS, VARIATIONS
+
+
+def test_controllers_that_learn_from_the_expert_do_not_depend_on_files_of_demonstrations():
+    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
+    own, other = cells_of(study, demos_keys_of(study)), cells_of(study, {"door": "of a file"})
+    assert len(own) == len(other)
+    for mine, theirs in zip(own, other, strict=True):
+        if mine.controller is not None:
+            alike = not mine.controller.name.startswith("original")
+            assert (mine.controller == theirs.controller) == alike
+
+
+def test_evaluations_after_a_file_of_demonstrations_depend_on_the_version_of_mujoco(monkeypatch):
+    study = replace(get_preset("smoke"), methods=("kodex",))
+    cells = cells_of(study, {"door": "of a file"})
+    before = [(cell.fit.key, cell.evaluation.key(cell.fit)) for cell in cells]
+    monkeypatch.setattr("mujoco.__version__", "9.9")
+    for cell, (fit, evaluation) in zip(cells, before, strict=True):
+        if cell.fit.method == "kodex":
+            assert cell.fit.key == fit
+            assert cell.evaluation.key(cell.fit) != evaluation
+
+
+def test_no_cell_appears_twice_and_methods_share_the_expert():
+    study = get_preset("paper")
+    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
+    places = [(cell.fit.key, cell.evaluation.name) for cell in cells]
+    assert len(places) == len(set(places))
+    experts = [cell for cell in cells if cell.fit.method == "expert"]
+    assert len({cell.fit.key for cell in experts}) == len(study.tasks)
+
+
+def test_unknown_experiments_are_refused():
+    with pytest.raises(InputError, match="did you mean 'success'"):
+        cells_of(replace(get_preset("smoke"), episodes={"sucess": 1}), {"door": ""})
+
+
+def test_robustness_evaluates_each_variation_with_the_original_and_the_tuned_controller():
+    study = replace(get_preset("paper"), tasks=("tool",), episodes={"robustness": 200})
+    cells = cells_of(study, {"tool": "key"})
+    for_kodex = [cell for cell in cells if cell.fit.method == "kodex"]
+    assert len(for_kodex) == 1 + 4 * 2
+    tuned = {cell.controller.key for cell in for_kodex if cell.evaluation.controller == "tuned"}
+    assert len(tuned) == 4
+    assert sum(cell.fit.method == "expert" for cell in cells) == 5
+    assert {cell.evaluation.split for cell in cells} == {"test"}
+
+
+def test_the_paper_has_every_experiment_and_shares_cells():
+    study = get_preset("paper")
+    keys = dict.fromkeys(study.tasks, "key")
+    assert list(study.episodes) == list(EXPERIMENTS)
+    apart = sum(
+        len(EXPERIMENTS[name](replace(study, demos_keys=keys), {})) for name in study.episodes
+    )
+    assert len(cells_of(study, keys)) < apart
+    sets = {c.fit.variant for c in cells_of(study, keys) if c.fit.method == "kodex"}
+    assert {"described", "set_1", "set_2", "set_4", "cutoff_tenfold"} <= sets
+
+
+def test_audit_changes_one_of_physics_controller_and_its_seed_at_a_time():
+    study = replace(get_preset("paper"), tasks=("tool",), episodes={"audit": 5})
+    cells = cells_of(replace(study, methods=("kodex",)), {"tool": "key"})
+    tried = Counter(
+        (cell.controller.kind, cell.evaluation.physics, cell.controller.seed, cell.evaluation.rule)
+        for cell in cells
+        if cell.fit.method == "kodex" and cell.fit.variant == "described"
+    )
+    assert tried == Counter(
+        [
+            (ORIGINAL, NOMINAL, 1, "appendix"),
+            (ORIGINAL, NOMINAL, 1, "published"),
+            (UNCLIPPED, NOMINAL, 1, "appendix"),
+            *((ORIGINAL, NOMINAL, seed, "appendix") for seed in RESEEDED),
+            *((ORIGINAL, physics, 1, "appendix") for physics in READINGS["tool"]),
+            *((ON_SUCCESSES, physics, 1, "appendix") for physics in VARIATIONS),
+        ]
+    )
+
+
+def test_a_tuned_controller_learns_in_the_physics_of_the_evaluation_and_others_in_nominal():
+    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
+    controllers = [
+        (cell.evaluation.physics, cell.controller)
+        for cell in cells_of(study, {"door": "key"})
+        if cell.controller
+    ]
+    assert controllers
+    for physics, controller in controllers:
+        tuned = controller.kind in (TUNED, ON_SUCCESSES)
+        assert controller.physics == (physics if tuned else NOMINAL)
+
+
+def test_efficiency_trains_on_fewer_demonstrations_and_keeps_the_controller():
+    study = replace(get_preset("paper"), tasks=("door",), methods=("kodex",))
+    cells = cells_of(replace(study, episodes={"efficiency": 5}), {"door": "key"})
+    assert [cell.fit.demos for cell in cells] == [10, 25, 50, 100, 150, 200]
+    assert {cell.controller.demos for cell in cells} == {200}

@@ -1,0 +1,53 @@
+"""Settings of a study: which are accepted, and which are refused."""
+
+from dataclasses import replace
+
+import pytest
+
+from bench.experiments import cells_of
+from bench.parsing import settings
+from bench.presets import get_preset
+from tasks.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "experiment"),
+    [
+        (("kodex", "observables"), 2, "lifting"),
+        (("lstm", "teacher_forced"), True, "audit"),
+        (("ndp", "hidden"), [8], "sizes"),
+    ],
+)
+def test_a_field_that_an_experiment_compares_cannot_be_set(place, value, experiment):
+    study = replace(get_preset("paper"), settings={place: value})
+    with pytest.raises(InputError, match=f"is what {experiment} compares"):
+        cells_of(study, dict.fromkeys(study.tasks, "key"))
+    others = {name: 10 for name in study.episodes if name not in (experiment, "audit")}
+    assert cells_of(replace(study, episodes=others), dict.fromkeys(study.tasks, "key"))
+
+
+def test_a_whole_number_may_be_set_with_an_exponent():
+    study = replace(get_preset("smoke"), methods=("nn",), settings=settings(["nn.epochs=1e3"]))
+    configs = [cell.fit.config for cell in cells_of(study, {"door": "key"})]
+    assert {repr(config["epochs"]) for config in configs if config} == {"1000"}
+
+
+@pytest.mark.parametrize(
+    ("name", "field"), [("kodex", "cutoff"), ("ndp", "goal_gain"), ("ndp", "weight_gain")]
+)
+def test_a_whole_number_is_the_same_setting_as_a_float(name, field):
+    def keys(value):
+        study = replace(get_preset("smoke"), methods=(name,), settings={(name, field): value})
+        return [cell.fit.key for cell in cells_of(study, {"door": "key"})]
+
+    assert keys(1) == keys(1.0)
+
+
+def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
+    study = replace(get_preset("paper"), settings={("ngf", "window"): 5})
+    keys = dict.fromkeys(study.tasks, "key")
+    with pytest.raises(InputError, match="unknown config field of ngf as published 'window'"):
+        cells_of(study, keys)
+    assert cells_of(replace(study, variants=("described",)), keys)
+    episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
+    assert cells_of(replace(study, episodes=episodes), keys)
