@@ -1,1 +1,1 @@
-"""What competes: imitation policies, which see a task only as arrays."""
+"""Imitation policies. They see a task only as arrays."""
