@@ -114,7 +114,8 @@ def plan(
     from bench.driver import count_jobs
     from bench.plan import make_plan
 
-    writable_folder(out)
+    if not out.is_dir():
+        writable_folder(out)
     count = count_jobs(jobs)
     with doing("listing what is missing"):
         made = make_plan(study, out, count)
