@@ -19,7 +19,6 @@ from methods.ngf import NGF, acceleration, energised, integrate, potential_gradi
 from methods.ngf_gradient import motion_with_gradient
 from methods.ngf_published import PublishedNGF
 from methods.nn import NN
-from methods.nn import motion_with_gradient as nn_motion
 from methods.toy import toy
 from methods.training import Schedule, TrainingError, minimise
 from tasks.data import Layout, generator
@@ -374,27 +373,12 @@ def gradients(motion, weights, *arguments):
     return dict(zip(weights, torch.autograd.grad(loss, list(weights.values())), strict=True))
 
 
-def drawn_for(method, seeds):
-    """Weights of several networks in float64, and what they may start from, (S, 4, 11)."""
-    drawn = [method.draw(generator("gradient", seed)) for seed in range(seeds)]
-    weights = {k: torch.tensor(np.stack([arrays[k] for arrays in drawn])) for k in drawn[0]}
-    return weights, torch.tensor(generator("noise").standard_normal((seeds, 4, 11)))
-
-
-@pytest.mark.parametrize("seeds", [1, 3])
-def test_the_written_gradient_of_a_perceptron_is_that_of_autograd(seeds):
-    method = NN(NN.sizes["small"], LAYOUT)
-    weights, noise = drawn_for(method, seeds)
-    arguments = noise[..., :5], 6
-    torch.testing.assert_close(nn_motion(weights, *arguments), method.unroll(weights, *arguments))
-    torch.testing.assert_close(
-        gradients(nn_motion, weights, *arguments), gradients(method.unroll, weights, *arguments)
-    )
-
-
 @pytest.mark.parametrize("seeds", [1, 3])
 def test_the_written_gradient_of_a_fabric_is_that_of_autograd(seeds):
-    weights, noise = drawn_for(NGF(NGF.sizes["small"], LAYOUT), seeds)
+    method = NGF(NGF.sizes["small"], LAYOUT)
+    drawn = [method.draw(generator("gradient", seed)) for seed in range(seeds)]
+    weights = {k: torch.tensor(np.stack([arrays[k] for arrays in drawn])) for k in drawn[0]}
+    noise = torch.tensor(generator("noise").standard_normal((seeds, 4, 11)))
     arguments = *noise.split([5, 3, 3], dim=-1), 6
     torch.testing.assert_close(
         motion_with_gradient(weights, *arguments), integrate(weights, *arguments)
