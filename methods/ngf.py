@@ -32,6 +32,7 @@ from torch import Tensor
 from methods.base import check_above
 from methods.layers import Weights, linear, linear_weights, sigmoid, softplus
 from methods.network import NetworkConfig, NetworkMethod, windows
+from methods.ngf_gradient import AT_REST, NETWORKS, motion_with_gradient
 from tasks.data import CONTROL_STEP, FloatArray
 
 
@@ -58,7 +59,7 @@ class NGF(NetworkMethod):
 
     name = "ngf"
     summary = "geometric fabric: energised geometry, potential and damping"
-    version = 2
+    version = 3
     sizes: ClassVar[Mapping[str, NGFConfig]] = {
         "small": NGFConfig(hidden=(64, 32)),
         "median": NGFConfig(hidden=(128, 64)),
@@ -97,7 +98,7 @@ class NGF(NetworkMethod):
     ) -> Tensor:
         """Returns the joints after each step."""
         q = start[..., : self.layout.robot_dim]
-        return self._integrate(weights, start, q, torch.zeros_like(q), steps)
+        return integrate(weights, start, q, torch.zeros_like(q), steps)
 
     def samples(self, states: FloatArray) -> list[FloatArray]:
         """Returns contexts (N, D), and stretches (N, 1 + W + 1, H) of joints."""
@@ -112,20 +113,19 @@ class NGF(NetworkMethod):
         context, stretch = sample
         q = stretch[:, :, 1]
         v = (q - stretch[:, :, 0]) / CONTROL_STEP
-        predicted = self._integrate(weights, context, q, v, stretch.shape[2] - 2)
+        predicted = motion_with_gradient(weights, context, q, v, stretch.shape[2] - 2)
         return (predicted - stretch[:, :, 2:]).square().mean(dim=(1, 2, 3))
 
-    def _integrate(
-        self, weights: Weights, context: Tensor, q: Tensor, v: Tensor, steps: int
-    ) -> Tensor:
-        names = ("geometry", "metric", "potential", "damping")
-        of_context = {name: linear(weights, f"{name}_context", context) for name in names}
-        motion = []
-        for _ in range(steps):
-            v = v + CONTROL_STEP * acceleration(weights, of_context, q, v)
-            q = q + CONTROL_STEP * v
-            motion.append(q)
-        return torch.stack(motion, dim=2)
+
+def integrate(weights: Weights, context: Tensor, q: Tensor, v: Tensor, steps: int) -> Tensor:
+    """Returns the joints after each step, see `methods.ngf_gradient.motion_with_gradient`."""
+    of_context = {name: linear(weights, f"{name}_context", context) for name in NETWORKS}
+    motion = []
+    for _ in range(steps):
+        v = v + CONTROL_STEP * acceleration(weights, of_context, q, v)
+        q = q + CONTROL_STEP * v
+        motion.append(q)
+    return torch.stack(motion, dim=2)
 
 
 def acceleration(weights: Weights, context: Mapping[str, Tensor], q: Tensor, v: Tensor) -> Tensor:
@@ -141,7 +141,7 @@ def acceleration(weights: Weights, context: Mapping[str, Tensor], q: Tensor, v: 
 def energised(force: Tensor, v: Tensor) -> Tensor:
     """Returns p_e force: without what acts along the motion, and so without work."""
     along = (force * v).sum(dim=-1, keepdim=True)
-    return force - v * along / (v.square().sum(dim=-1, keepdim=True) + 1e-12)
+    return force - v * along / (v.square().sum(dim=-1, keepdim=True) + AT_REST)
 
 
 def potential_gradient(weights: Weights, context: Tensor, q: Tensor) -> Tensor:

@@ -104,7 +104,7 @@ def minimise(
             those of the last epoch without it.
         at_once: samples that pass through a network at a time, a whole mini-batch unless told; the
             gradients of a larger one are summed piece by piece.
-        fill: whether what a seed becomes must not depend on the seeds beside it, see `_leaf`.
+        fill: whether what a seed becomes must not depend on the seeds beside it, see `_leaves`.
 
     Raises:
         TrainingError: there are no samples, or some seed's loss was never finite.
@@ -112,11 +112,8 @@ def minimise(
     if not len(data[0]):
         raise TrainingError(f"{name} has no samples to learn from")
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
-    weights, leaves = {}, []
-    for key in drawn[0]:
-        stacked = np.stack([one[key] for one in drawn])
-        leaf, weights[key] = _leaf(stacked, VECTOR if fill else 1)
-        leaves.append(leaf)
+    numbers, weights, gradients = _leaves(drawn, VECTOR if fill else 1)
+    leaves = list(weights.values())
     samples = [tensor(array) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
 
@@ -125,7 +122,7 @@ def minimise(
 
     def fresh_adam() -> torch.optim.Optimizer:
         rate, decay = schedule.learning_rate, schedule.weight_decay
-        return torch.optim.AdamW(leaves, rate, weight_decay=decay, fused=True)
+        return torch.optim.AdamW([numbers], rate, weight_decay=decay, fused=True)
 
     optimiser = fresh_adam()
     best = _Best(weights)
@@ -137,10 +134,13 @@ def minimise(
             for rows in order.split(schedule.batch_size, dim=1):
                 optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser
                 optimiser.param_groups[0]["lr"] = next(rates)
-                optimiser.zero_grad()
+                optimiser.zero_grad(set_to_none=False)
                 for piece in rows.split(at_once or schedule.batch_size, dim=1):
                     losses = loss(weights, *(part[piece] for part in samples))
-                    (losses.sum() * (piece.shape[1] / rows.shape[1])).backward()
+                    share = losses.sum() * (piece.shape[1] / rows.shape[1])
+                    slopes = torch.autograd.grad(share, leaves, materialize_grads=True)
+                    for gradient, slope in zip(gradients, slopes, strict=True):
+                        gradient += slope
                     total += losses.detach() * piece.shape[1]
                 optimiser.step()
             with torch.no_grad():
@@ -148,17 +148,30 @@ def minimise(
     return best.chosen(seeds)
 
 
-def _leaf(drawn: FloatArray, vector: int) -> tuple[Tensor, Tensor]:
-    """Returns what Adam is to step, (S, n), and the weights (S, ...) that are a view of it.
+def _leaves(
+    drawn: Sequence[dict[str, FloatArray]], vector: int
+) -> tuple[Tensor, Weights, list[Tensor]]:
+    """Returns all numbers in one tensor for Adam, the weights (S, ...) and their gradients.
 
-    torch's fused Adam rounds the numbers after the last full vector of a tensor in another way. So
-    each network's numbers are filled up to full vectors.
+    Weights and gradients are views of that tensor and of its gradient: one step of Adam on one
+    tensor costs less than one on each. torch's fused Adam rounds the numbers after the last full
+    vector in another way, so each network's numbers are filled up to full vectors.
     """
-    flat = drawn.reshape(len(drawn), -1)
-    count = flat.shape[1]
-    filled = np.pad(flat, ((0, 0), (0, -count % vector)))
-    leaf = tensor(filled).requires_grad_()
-    return leaf, leaf[:, :count].view(drawn.shape)
+    arrays = {key: np.stack([one[key] for one in drawn]) for key in drawn[0]}
+    rows = [array.reshape(len(drawn), -1) for array in arrays.values()]
+    filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % vector))) for part in rows]
+    numbers = tensor(np.concatenate([part.ravel() for part in filled]))
+    numbers.grad = torch.zeros_like(numbers)
+
+    def views(flat: Tensor) -> list[Tensor]:
+        parts = flat.split([part.size for part in filled])
+        return [
+            part.view(len(drawn), -1)[:, : row.shape[1]].view(array.shape)
+            for part, row, array in zip(parts, rows, arrays.values(), strict=True)
+        ]
+
+    weights = [weight.requires_grad_() for weight in views(numbers)]
+    return numbers, dict(zip(arrays, weights, strict=True)), views(numbers.grad)
 
 
 class _Best:

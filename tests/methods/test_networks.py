@@ -15,7 +15,8 @@ from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
 from methods.lstm import LSTM
 from methods.ndp import NDP
 from methods.network import windows
-from methods.ngf import NGF, acceleration, energised, potential_gradient
+from methods.ngf import NGF, acceleration, energised, integrate, potential_gradient
+from methods.ngf_gradient import motion_with_gradient
 from methods.ngf_published import PublishedNGF
 from methods.nn import NN
 from methods.toy import toy
@@ -363,6 +364,29 @@ def test_the_potential_force_is_the_gradient_of_its_potential(fabric):
     psi = 0.5 * (weights["stiffness"][:, None] * q + out).square().sum()
     (expected,) = torch.autograd.grad(psi, q)
     torch.testing.assert_close(potential_gradient(weights, context["potential"], q), expected)
+
+
+def gradients(motion, weights, *arguments):
+    """Gradients of a sum of squares of a motion, which every weight has a part in."""
+    weights = {name: weight.clone().requires_grad_() for name, weight in weights.items()}
+    loss = (motion(weights, *arguments) - 1).square().sum()
+    return dict(zip(weights, torch.autograd.grad(loss, list(weights.values())), strict=True))
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_the_written_gradient_of_a_fabric_is_that_of_autograd(seeds):
+    method = NGF(NGF.sizes["small"], LAYOUT)
+    drawn = [method.draw(generator("gradient", seed)) for seed in range(seeds)]
+    weights = {k: torch.tensor(np.stack([arrays[k] for arrays in drawn])) for k in drawn[0]}
+    noise = torch.tensor(generator("noise").standard_normal((seeds, 4, 11)))
+    arguments = *noise.split([5, 3, 3], dim=-1), 6
+    torch.testing.assert_close(
+        motion_with_gradient(weights, *arguments), integrate(weights, *arguments)
+    )
+    torch.testing.assert_close(
+        gradients(motion_with_gradient, weights, *arguments),
+        gradients(integrate, weights, *arguments),
+    )
 
 
 def test_a_fabric_begins_critically_damped():
