@@ -1,6 +1,6 @@
 """Motions of the fabric with their gradient written out, for training.
 
-A stretch of the fabric is hundreds of small operations, and calling them takes most of the time.
+A window of the fabric is hundreds of small operations, and calling them takes most of the time.
 Here the networks share one batch of products, the second derivatives of Psi are written out, and
 the gradient of each weight is one product over all steps. `methods.ngf.integrate` has the
 equations. ``d_x`` is the gradient of the loss with respect to x. Axes: N networks, S seeds, W
@@ -20,7 +20,7 @@ from tasks.data import CONTROL_STEP
 NETWORKS = ("geometry", "metric", "potential", "damping")
 _LAYERS = ("_context", "0", "1", "2")
 AT_REST = 1e-12
-"""Added to |v|^2, which p_e divides by."""
+"""Added to |v|^2, by which p_e divides."""
 
 
 def motion_with_gradient(
@@ -29,7 +29,7 @@ def motion_with_gradient(
     """Returns the joints after each step, (S, B, W, H), with a gradient for the weights alone.
 
     Args:
-        weights: of `methods.ngf.NGF`.
+        weights: the weights of `methods.ngf.NGF`.
         context: c, (S, B, D).
         q: the joints before the first step, (S, B, H).
         v: their velocity, (S, B, H).
@@ -46,7 +46,7 @@ def motion_with_gradient(
 
 
 class _Step(NamedTuple):
-    """What the gradient needs of a step, by the names in `_Motion.forward`."""
+    """The numbers of a step that the gradient needs, under their names in `_Motion.forward`."""
 
     q: Tensor
     v: Tensor
