@@ -1,4 +1,4 @@
-"""Results put together: packed in a small form, and a run's beside the shipped ones."""
+"""Results of several sources as one: packed into a folder, or of a run and the shipped methods."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -17,21 +17,21 @@ from methods.base import Parameters
 from tasks.errors import InputError
 
 SHOWN = ("eigenvalues", "imitation_error")
-"""The diagnostics that exhibits show."""
+"""The diagnostics that exhibits need."""
 
 
 def pack(folders: Sequence[Path], out: Path) -> None:
-    """Writes results in the form of `bench.packed`, those of several folders as one.
+    """Writes the results of several folders as one, in the form of `bench.packed`.
 
     Args:
         folders: of `bench run` or `bench pack`.
-        out: where the files go, made if need be; it may be one of the folders.
+        out: folder of the files, created if needed. It may be one of the folders.
 
     Raises:
-        InputError: a folder holds no results, or others than a folder before it.
+        InputError: there are no results, or two folders hold different results of the same fit.
     """
     sources = [open_results(folder) for folder in folders]
-    results = Together([(source, source.frame()) for source in sources])
+    results = JoinedSources([(source, source.frame()) for source in sources])
     frame = results.frame()
     if frame.empty:
         raise InputError(f"{', '.join(map(str, folders))}: no evaluations to pack")
@@ -54,7 +54,7 @@ def pack(folders: Sequence[Path], out: Path) -> None:
     }
     table = frame.assign(config=frame.config.map(json.dumps))
     out.mkdir(parents=True, exist_ok=True)
-    # Written elsewhere first: what is in out may be the only copy of a part.
+    # Files in out may be the only copy of a part, so they are replaced once all are written.
     with TemporaryDirectory(dir=out) as place:
         new = Path(place)
         episodes.to_parquet(new / "episodes.parquet", index=False, compression="zstd")
@@ -65,21 +65,22 @@ def pack(folders: Sequence[Path], out: Path) -> None:
             path.replace(out / path.name)
 
 
-class Together:
+class JoinedSources:
     """The results of several sources as one.
 
-    Of the same evaluation those of more episodes, and of the same fit the first time there is.
+    Duplicate evaluations: the one with more episodes is kept. Duplicate fits: the first available
+    timing is kept.
     """
 
     def __init__(self, parts: Sequence[tuple[Source, pd.DataFrame]]) -> None:
-        """Takes sources, each with the rows of its frame that are wanted.
+        """Joins sources, each with the wanted rows of its frame.
 
         Raises:
-            InputError: two hold different results of the same description.
+            InputError: two hold different results of the same fit.
         """
         self._sources = [source for source, _ in parts]
         frames = [frame.assign(source=place) for place, (_, frame) in enumerate(parts)]
-        # One without rows would turn whole numbers into floats.
+        # An empty frame would turn integers into floats.
         whole = pd.concat([f for f in frames if len(f)] or frames, ignore_index=True)
         if len(whole):
             _check_alike(whole)
@@ -102,7 +103,7 @@ class Together:
         return self._sources[self._evaluations[place]].outcomes(row)
 
     def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
-        """See `bench.store.Store.readings`; None where they are not kept."""
+        """See `bench.store.Store.readings`. None if they are not stored."""
         place = tuple(row[name] for name in _PLACE)
         return self._sources[self._evaluations[place]].readings(row)
 
@@ -123,14 +124,14 @@ class Together:
         return self._sources[self._controllers[key]].controller_spec(key)
 
 
-class Beside(Together):
-    """Results of a run, and beside them the shipped ones of methods that the run has not."""
+class WithShippedMethods(JoinedSources):
+    """The results of a run, and the shipped results of methods that it lacks."""
 
     def __init__(self, own: Source) -> None:
-        """Takes the results of the run.
+        """Joins the results of the run with the shipped ones.
 
         Raises:
-            InputError: nothing is shipped.
+            InputError: no results are shipped.
         """
         reference = Packed(shipped())
         mine, theirs = own.frame(), reference.frame()
@@ -138,10 +139,10 @@ class Beside(Together):
         super().__init__([(own, mine), (reference, theirs)])
         self._own = own
         self.methods = tuple(theirs.method.unique())
-        """The methods whose results are the shipped ones."""
+        """The methods with shipped results."""
 
     def notes(self) -> list[str]:
-        """See `bench.store.Store.notes`; says which methods come from another machine."""
+        """See `bench.store.Store.notes`. A further note names the shipped methods."""
         origin = f"From another machine, as shipped: {', '.join(self.methods) or 'nothing'}."
         return [*self._own.notes(), origin]
 
@@ -150,13 +151,13 @@ _PLACE = ["folder", *CONDITIONS]
 
 
 def _first_source(whole: pd.DataFrame, column: str) -> dict[str, int]:
-    """By value of a column, the first source that has it."""
+    """Returns the first source with each value of a column, by value."""
     first = whole.drop_duplicates(column)
     return dict(zip(first[column], first.source, strict=True))
 
 
 def _check_alike(whole: pd.DataFrame) -> None:
-    """Refuses results that differ in what their description does not show."""
+    """Raises InputError if rows have the same labels but different keys."""
     whole = whole.assign(label=whole.folder.str.rsplit("-", n=1).str[0])
     for by, what in ((["label"], "folder"), (_PLACE, "controller_key")):
         for names, found in whole.groupby(by)[what]:

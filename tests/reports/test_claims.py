@@ -2,18 +2,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports import claims
+from reports import verdicts as module
 from reports.claims import (
     CLAIMS,
     Claim,
     Contrast,
     Setting,
-    trains_in_a_tenth_of_the_time,
-    verdicts,
 )
 from reports.results import Results
 from reports.stats import mcnemar, mean_over_tasks, paired_difference
 from reports.style import TASKS
+from reports.verdicts import judge_training_time, verdicts
 from tasks.data import generator
 
 
@@ -25,7 +24,7 @@ class Rates(Results):
     def __init__(self, rates, starts=400):
         self.rates, self.starts = rates, starts
 
-    def successes(self, selections):
+    def paired_success(self, selections):
         return [self.one(**values) for values in selections]
 
     def one(self, **values):
@@ -47,23 +46,23 @@ KODEX, NN = Setting("kodex", "tool"), Setting("nn", "tool")
 )
 def test_verdicts_follow_the_interval(kodex, nn, verdict, monkeypatch):
     monkeypatch.setattr(
-        claims, "CLAIMS", (Claim("c", "KODex beats NN.", "X", (Contrast(KODEX, NN),)),)
+        module, "CLAIMS", (Claim("c", "KODex beats NN.", "X", (Contrast(KODEX, NN),)),)
     )
-    monkeypatch.setattr(claims, "FACTS", {})
+    monkeypatch.setattr(module, "OTHER_CLAIMS", {})
     row = verdicts(Rates({("kodex", "nominal"): kodex, ("nn", "nominal"): nn})).iloc[0]
     assert row.ours == verdict
     assert "KODex Tool minus NN Tool" in row.evidence
 
 
 def test_what_was_not_run_is_named(monkeypatch):
-    monkeypatch.setattr(claims, "FACTS", {})
+    monkeypatch.setattr(module, "OTHER_CLAIMS", {})
     found = verdicts(Rates({})).set_index("claim")
     assert set(found.ours) == {"not run"}
     assert found.evidence["kodex-ood-tool"] == "no results of KODex Tool ood"
 
 
 def test_the_papers_own_tables_decide_what_they_can(monkeypatch):
-    monkeypatch.setattr(claims, "FACTS", {})
+    monkeypatch.setattr(module, "OTHER_CLAIMS", {})
     paper = verdicts(Rates({})).set_index("claim").paper
     assert paper["kodex-ood-tool"] == "published as a figure only"
     assert paper["kodex-above-expert-door"] == "holds in all 1 comparisons"
@@ -75,7 +74,7 @@ def test_the_papers_own_tables_decide_what_they_can(monkeypatch):
 def test_each_claim_has_its_own_name_and_says_where_it_is_from():
     names = [claim.name for claim in CLAIMS]
     assert len(set(names)) == len(names)
-    assert all(claim.source in "HIJ" and claim.contrasts for claim in CLAIMS)
+    assert all(claim.source.startswith("appendix ") and claim.contrasts for claim in CLAIMS)
 
 
 def test_pairing_on_starts_narrows_the_interval():
@@ -160,6 +159,6 @@ class Timed(Results):
 )
 def test_training_times_are_compared_with_kodex(nn, verdict):
     seconds = {"kodex": 2.0, "nn": nn, "lstm": 50.0, "ndp": 20.0, "ngf": 40.0}
-    found, evidence = trains_in_a_tenth_of_the_time(Timed(seconds))
+    found, evidence = judge_training_time(Timed(seconds))
     assert found == verdict
     assert ("NDP 10 to 10" in evidence) == (found != "not run")

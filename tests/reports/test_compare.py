@@ -30,7 +30,7 @@ class Rates(Results):
         ]
     )
 
-    def successes(self, selections):
+    def paired_success(self, selections):
         return [self.one(**values) for values in selections]
 
     def one(self, *, method, task, split, controller):

@@ -10,18 +10,21 @@ import pytest
 from bench.experiments import cells_of
 from bench.presets import get_preset
 from reports.exhibit import Exhibit
-from reports.figure_7 import EXHIBIT as FIGURE_7
+from reports.exhibits import EXHIBITS
 from reports.results import Results
 from reports.style import TASKS, colour
-from reports.table_1 import EXHIBIT as TABLE_1
-from reports.table_2 import EXHIBIT as TABLE_2
-from reports.table_6 import EXHIBIT as TABLE_6
-from reports.write import exhibits, write_report
+from reports.write import write_report
 from tasks.data import generator
 from tasks.registry import get_task
 
 NEEDS_FITS = "motions"
 """The exhibit that has nothing to show of results without fits."""
+
+
+BY_NAME = {exhibit.name: exhibit for exhibit in EXHIBITS}
+TABLE_1, TABLE_2, TABLE_6, FIGURE_7 = (
+    BY_NAME[name] for name in ("table_1", "table_2", "table_6", "figure_7")
+)
 
 
 def rate(fit):
@@ -80,7 +83,7 @@ def results():
     return MadeUp()
 
 
-@pytest.mark.parametrize("exhibit", exhibits(), ids=lambda exhibit: exhibit.name)
+@pytest.mark.parametrize("exhibit", EXHIBITS, ids=lambda exhibit: exhibit.name)
 def test_an_exhibit_has_a_table_for_people_and_a_caption(exhibit: Exhibit, results):
     table = exhibit.table(results)
     assert {"row", "column", "value"} <= set(table.columns)
@@ -98,7 +101,7 @@ def test_an_exhibit_has_a_table_for_people_and_a_caption(exhibit: Exhibit, resul
 
 
 EXPECTED = {
-    "unseen": (6, 4),
+    "success": (6, 4),
     "all_tasks": (6, 4),
     "table_1": (1, 4),
     "table_2": (3, 4),
@@ -115,13 +118,13 @@ EXPECTED = {
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_rows_and_columns_are_those_of_the_paper(name, results):
-    table = next(e for e in exhibits() if e.name == name).table(results)
+    table = BY_NAME[name].table(results)
     assert (table.row.nunique(), table.column.nunique()) == EXPECTED[name]
 
 
 @pytest.mark.parametrize("number", [7, 8, 9, 10])
 def test_robustness_has_the_rows_of_the_paper_a_nominal_column_and_its_numbers(number, results):
-    table = next(e for e in exhibits() if e.name == f"table_{number}").table(results)
+    table = BY_NAME[f"table_{number}"].table(results)
     methods = ["kodex", "nn", "lstm", "ndp", "ngf"]
     rows = ["expert", *(f"{m} original" for m in methods), *(f"{m} tuned" for m in methods)]
     assert table.row.drop_duplicates().tolist() == rows
@@ -136,7 +139,7 @@ def test_robustness_has_the_rows_of_the_paper_a_nominal_column_and_its_numbers(n
 
 
 def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
-    table = next(e for e in exhibits() if e.name == "unseen").table(results)
+    table = BY_NAME["success"].table(results)
     assert ((table.low <= table.value) & (table.value <= table.high)).all()
     assert table[table.row == "kodex"].spread.isna().all()
     nn = results.main(split="test", method="nn", task="door")
@@ -191,7 +194,7 @@ def test_captions_say_what_the_intervals_of_as_many_seeds_cover():
 
 def test_a_report_writes_each_exhibit_in_each_format(results, tmp_path):
     made = write_report(results, tmp_path)
-    shown = [exhibit for exhibit in exhibits() if exhibit.name != NEEDS_FITS]
+    shown = [exhibit for exhibit in EXHIBITS if exhibit.name != NEEDS_FITS]
     assert (len(made.written), made.failed) == (len(shown), {})
     for exhibit in shown:
         for ending in ("csv", "md", "tex"):
@@ -230,13 +233,9 @@ def test_a_method_of_ones_own_is_bold_in_the_legend():
     }
 
 
-def exhibit_named(name):
-    return next(exhibit for exhibit in exhibits() if exhibit.name == name)
-
-
 @pytest.mark.parametrize("name", ["table_12", "figure_6_time", "efficiency_time"])
 def test_values_without_a_meaningful_zero_are_dots_on_an_axis_that_fits_them(name, results):
-    exhibit = exhibit_named(name)
+    exhibit = BY_NAME[name]
     table = exhibit.table(results)
     if name == "efficiency_time":
         table = table[table.demos == 200]
@@ -247,7 +246,7 @@ def test_values_without_a_meaningful_zero_are_dots_on_an_axis_that_fits_them(nam
 
 
 def test_training_times_are_lines_only_over_several_numbers_of_demonstrations(results):
-    exhibit = exhibit_named("efficiency_time")
+    exhibit = BY_NAME["efficiency_time"]
     table = exhibit.table(results)
     panel = exhibit.draw(table).axes[0]
     assert all(

@@ -8,13 +8,13 @@ import pytest
 
 from bench.replay import replay
 from bench.store import Store
+from reports.exhibits.starts import summary as halves
+from reports.exhibits.success_over_time import summary as half_times
+from reports.exhibits.success_over_time import table as over_time
 from reports.failing import ELSEWHERE, FAILURES, count_modes, draw_failures, failures
 from reports.motions import draw_motion, motions
 from reports.results import Results
 from reports.starts import shown_numbers, start_values
-from reports.starts import summary as halves
-from reports.success_over_time import summary as half_times
-from reports.success_over_time import table as over_time
 from tasks.base import DIVERGED
 from tasks.demos import record
 from tasks.errors import InputError

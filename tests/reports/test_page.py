@@ -104,10 +104,10 @@ def page(folder, names=()):
     results = Few([row for row, *_ in rows], notes=HOSTILE)
     exhibits = [
         Exhibit(name, f"{name}: a table", "About.", lambda results: table).with_remarks(results)
-        for name in ("unseen", "shown", "absent")
+        for name in ("success", "shown", "absent")
     ]
     claim = dict.fromkeys(("says", "source", "paper", "ours", "evidence"), " ".join(names))
-    tables = {"unseen": table, "shown": table}
+    tables = {"success": table, "shown": table}
     claims = pd.DataFrame([claim])
     path = folder / "index.html"
     path.write_text(
@@ -266,7 +266,7 @@ def test_claims_that_were_not_run_are_folded_away_each_with_its_evidence(opened,
     assert claims.count() == 15
     evidence = claims.first.locator("p")
     assert not claims.first.is_visible()
-    view.get_by_text("15 not run, for want of results").click()
+    view.get_by_text("15 not run, because results are missing").click()
     assert not evidence.is_visible()
     claims.first.locator("summary").click()
     assert "no results of KODex Tool ood" in evidence.inner_text()
@@ -296,10 +296,10 @@ def test_the_table_of_success_has_a_dot_for_each_seed(opened, report):
 def test_figures_follow_the_theme(opened, report):
     def colours(scheme):
         view = opened(path=report, color_scheme=scheme)
-        ink = view.locator("#unseen figure svg use").first.evaluate(
+        ink = view.locator("#success figure svg use").first.evaluate(
             "one => getComputedStyle(one).fill"
         )
-        paper = view.locator("#unseen figure svg path").first.evaluate(
+        paper = view.locator("#success figure svg path").first.evaluate(
             "one => getComputedStyle(one).fill"
         )
         return ink, paper
@@ -325,4 +325,4 @@ def test_the_page_of_the_same_results_has_the_same_bytes(report, tmp_path, monke
 
 
 def test_what_is_missing_is_named(opened):
-    assert "Not shown, for want of results: absent: a table." in opened().content()
+    assert "Not shown, because results are missing: absent: a table." in opened().content()

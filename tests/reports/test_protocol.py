@@ -10,7 +10,8 @@ from bench.experiments import cells_of
 from bench.packed import SHIPPED as REFERENCE
 from bench.presets import get_preset
 from methods import registry
-from reports.protocol import SHIPPED, Unlike, differences
+from reports.mixed import SHIPPED, MixedProtocols
+from reports.protocol import differences
 from reports.results import Results
 
 CONTROLLERS = {}
@@ -37,7 +38,7 @@ def differing(*parts):
 def refusal(*parts, shipped=()):
     together = pd.concat(parts, ignore_index=True)
     found = differences(together, CONTROLLERS.__getitem__)
-    return str(Unlike(found, Path("results/mine"), shipped).refusal(together))
+    return str(MixedProtocols(found, Path("results/mine"), shipped).error(together))
 
 
 def test_the_shipped_results_can_be_compared():
@@ -157,7 +158,7 @@ def test_a_closed_loop_method_has_no_controller_to_compare():
 
 def test_mixed_results_mark_the_fewer_methods_and_say_what_differs():
     frame = pd.concat([rows("smoke", methods=("kodex",)), rows("quick", methods=("nn", "ndp"))])
-    unlike = Unlike(differences(frame, CONTROLLERS.__getitem__), Path("results"))
+    unlike = MixedProtocols(differences(frame, CONTROLLERS.__getitem__), Path("results"))
     assert unlike.marked == {"kodex"}
     assert unlike.notes == [
         "Rows that cannot be compared stand beside each other on Door: kodex (demos 10, controller"
@@ -165,7 +166,7 @@ def test_mixed_results_mark_the_fewer_methods_and_say_what_differs():
         " that were run differently."
     ]
     frame = frame[frame.method != "ndp"]
-    unlike = Unlike(differences(frame, CONTROLLERS.__getitem__), Path("results"))
+    unlike = MixedProtocols(differences(frame, CONTROLLERS.__getitem__), Path("results"))
     assert unlike.marked == {"kodex"}
     assert SHIPPED not in unlike.notes[0]
 
@@ -173,8 +174,8 @@ def test_mixed_results_mark_the_fewer_methods_and_say_what_differs():
 def test_mixed_results_mark_what_differs_from_the_shipped():
     frame = pd.concat([rows("smoke", methods=("kodex", "nn")), rows("paper", methods=("ndp",))])
     found = differences(frame, CONTROLLERS.__getitem__)
-    assert Unlike(found, Path("results"), ("ndp",)).marked == {"kodex", "nn"}
-    assert Unlike(found, Path("results")).marked == {"ndp"}
+    assert MixedProtocols(found, Path("results"), ("ndp",)).marked == {"kodex", "nn"}
+    assert MixedProtocols(found, Path("results")).marked == {"ndp"}
 
 
 def test_a_class_that_cannot_be_loaded_has_no_share(monkeypatch):

@@ -17,8 +17,9 @@ from bench.experiments import cells_of
 from bench.presets import get_preset
 from bench.spec import Evaluation
 from reports import stats, write
+from reports.exhibits import EXHIBITS
 from reports.results import Results
-from reports.write import exhibits, write_report
+from reports.write import write_report
 from tasks.data import generator
 from tasks.masses import physics_names
 from tasks.registry import TASKS
@@ -120,10 +121,12 @@ def few_resamples():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stats, "RESAMPLES", 20)
         paired, mean = stats.paired_difference, stats.mean_over_tasks
-        for place in ("claims", "compare"):
+        for place in ("verdicts", "compare"):
             name = f"reports.{place}.paired_difference"
             patch.setattr(name, lambda *a: paired(*a, resamples=20))
-        patch.setattr("reports.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20))
+        patch.setattr(
+            "reports.exhibits.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20)
+        )
         yield
 
 
@@ -145,7 +148,7 @@ def check(made, folder):
     assert made.failed == {}
     page = (folder / "index.html").read_text()
     shown = {path.stem for path in made.written}
-    for exhibit in exhibits():
+    for exhibit in EXHIBITS:
         assert (f'<section id="{exhibit.name}"' in page) == (exhibit.name in shown)
         assert (folder / f"tables/{exhibit.name}.md").exists() == (exhibit.name in shown)
 
@@ -179,7 +182,7 @@ def test_figures_of_a_subset_are_drawn(values, tmp_path, monkeypatch):
     made = write_report(Subset(only(**values), diverged="mine" in values.values()), tmp_path)
     check(made, tmp_path)
     names = {path.stem for path in made.written}
-    drawn = {e.name for e in exhibits() if e.axis and e.name in names}
+    drawn = {e.name for e in EXHIBITS if e.axis and e.name in names}
     assert {path.stem for path in tmp_path.glob("figures/*")} == drawn
 
 
@@ -195,7 +198,7 @@ def test_diagnostics_that_cannot_be_read_take_down_their_own_exhibits_alone(kind
     assert len(made.failed) >= len(lost)
     for title, reason in made.failed.items():
         assert f"bench: left out: {title}: {reason}\n" in said
-        assert f"Not shown, because it failed: {title}: " in page
+        assert f"Not shown, because of an error: {title}: " in page
     assert "has stored" in reason
 
 
@@ -204,20 +207,20 @@ def test_an_exhibit_that_fails_takes_no_other_down(part, tmp_path, monkeypatch, 
     def fail(*arguments):
         raise ZeroDivisionError("no such luck")
 
-    monkeypatch.setattr(write, "MODULES", ("unseen", "figure_5"))
+    success, figure_5 = (e for e in EXHIBITS if e.name in ("success", "figure_5"))
+    monkeypatch.setattr(write, "EXHIBITS", (success, figure_5))
     monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     results = Subset(only(method="mine"))
     before = write_report(results, tmp_path)
     assert (len(before.written), before.failed) == (2, {})
-    unseen, figure_5 = exhibits()
-    monkeypatch.setattr(write, "exhibits", lambda: [replace(unseen, **{part: fail}), figure_5])
+    monkeypatch.setattr(write, "EXHIBITS", (replace(success, **{part: fail}), figure_5))
     made = write_report(results, tmp_path)
     (reason,) = made.failed.values()
-    assert list(made.failed) == ["Success on unseen starts"]
+    assert list(made.failed) == ["Success on test starts"]
     assert reason.startswith("ZeroDivisionError: no such luck (test_subsets.py:")
     assert [path.stem for path in made.written] == ["figure_5"]
-    assert not list(tmp_path.rglob("unseen.*"))
-    assert "bench: left out: Success on unseen starts: Zero" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("success.*"))
+    assert "bench: left out: Success on test starts: Zero" in capsys.readouterr().err
     page = (tmp_path / "index.html").read_text()
-    assert "Success on unseen starts: ZeroDivisionError: no such luck" in page
+    assert "Success on test starts: ZeroDivisionError: no such luck" in page
     assert "<svg" in page

@@ -48,7 +48,7 @@ def test_shipped_methods_are_ordered_by_rate_and_compared_start_by_start(task):
     (cell,) = cells_of(study, {"door": "recipe"})
     shipped = Shipped(cell)
     trial = Trial(cell, shipped.success(task="door", method="kodex", split="test")[0, :400])
-    table = trial.beside(shipped)
+    table = trial.compare(shipped)
     assert list(table.method) == ["nn", "kodex", "ndp"]
     ahead, same, behind = table.to_dict("records")
     assert ahead["difference"] == pytest.approx(trial.rate["success"] - ahead["success"])

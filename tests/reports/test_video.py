@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from reports.video import Take, Watched, _add_ghost, _camera
+from reports.video import RecordingPolicy, Take, _add_ghost, _camera
 from tasks.experts import load_expert
 from tasks.simulator import rollout
 
@@ -94,10 +94,10 @@ def test_the_hand_and_the_object_stay_in_the_picture(task):
     hand = [body for body in arm if task.model.body(body).name not in ("forearm", "vive_tracker")]
     shown = [*hand, task.model.body(manipulated).id]
     for start in range(len(starts)):
-        watched = Watched(load_expert(task).policy)
-        rollout(task, starts[start : start + 1], watched, threads=1, whole=True)
-        for positions in watched.positions[::10]:
-            assert np.abs(on_screen(task, watched.model, positions, shown)).max() < 1
+        recorder = RecordingPolicy(load_expert(task).policy)
+        rollout(task, starts[start : start + 1], recorder, threads=1, whole=True)
+        for positions in recorder.positions[::10]:
+            assert np.abs(on_screen(task, recorder.model, positions, shown)).max() < 1
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -107,7 +107,7 @@ def test_a_method_without_results_is_named(bench, task, results):
     assert "unknown method with results 'nn': choose from expert, kodex" in err
     code, _, err = bench("video", "tool", "--results", str(results), "--methods", "kodex")
     assert code == 2
-    assert "no method has results on unseen starts of 'tool'" in err
+    assert "no method has results on test starts of 'tool'" in err
     assert not (results / "videos").exists()
 
 

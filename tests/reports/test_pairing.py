@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports.alike import on_common_ground
 from reports.compare import compare
+from reports.pairing import keep_common
 from reports.results import Results
 
 
@@ -60,4 +60,4 @@ def test_methods_are_compared_on_the_same_starts_and_seeds(stored):
 
 def test_seeds_are_left_as_they_are_where_one_or_none_is_shared(stored):
     tool = stored.frame[stored.frame.task == "tool"]
-    assert set(on_common_ground(tool).seed) == {1, 2}
+    assert set(keep_common(tool).seed) == {1, 2}

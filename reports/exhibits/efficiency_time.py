@@ -1,31 +1,34 @@
-"""Training time against the number of demonstrations."""
+"""Training time by number of demonstrations."""
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.efficiency import draw_lines, in_rows
-from reports.exhibit import Exhibit, log_dots, logarithmic
+from bench.labels import EXPERT
+from reports.charts import log_dots, set_logarithmic
+from reports.exhibit import Exhibit
+from reports.exhibits.efficiency import by_demos, draw_lines
 from reports.results import Results
+from reports.tables import empty_table
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
     found = results.chosen(split="test").dropna(subset="fit_seconds")
-    found = found[found.method != "expert"]
+    found = found[found.method != EXPERT]
     if found.empty:
-        return pd.DataFrame(columns=["row", "column", "value"])
+        return empty_table()
     found = found.drop_duplicates(["method", "demos", "task"])
-    table = in_rows(found.rename(columns={"fit_seconds": "value"}))
+    table = by_demos(found.rename(columns={"fit_seconds": "value"}))
     return table[["row", "column", "method", "demos", "value"]]
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns one panel a task, one line a method; with one number of demonstrations, dots."""
+    """Returns a panel for each task with a line for each method. Dots if demos do not vary."""
     if table.demos.nunique() == 1:
         return log_dots(table.assign(row=table.method), exhibit)
     drawing = draw_lines(table, exhibit)
     for axes in drawing.axes:
-        logarithmic(axes)
+        set_logarithmic(axes)
     return drawing
 
 
@@ -33,9 +36,9 @@ EXHIBIT = Exhibit(
     name="efficiency_time",
     title="Training time",
     about=(
-        "Seconds to train one seed on so many demonstrations, one thread, alone on the machine"
-        " (bench time): medians of three; of networks, half of what two seeds take together, over"
-        " a twentieth of their epochs, which all do the same work."
+        "Seconds to train one seed on so many demonstrations, on one thread, alone on the machine"
+        " (bench time): the median of three. Networks: half the time of two seeds together, scaled"
+        " up from a twentieth of their epochs, which all take equally long."
     ),
     table=table,
     part="data and time",

@@ -3,12 +3,14 @@
 import numpy as np
 import pandas as pd
 
-from reports.exhibit import Exhibit, dots, with_published
+from reports.charts import dots
+from reports.exhibit import Exhibit
+from reports.paper import with_published
 from reports.results import Results
 
 
 def magnitudes(results: Results) -> dict[str, np.ndarray]:
-    """Returns by task the magnitudes of the eigenvalues of K (p,), of KODex as described."""
+    """Returns the eigenvalue magnitudes of K (p,) by task, for KODex as described."""
     found = results.main(method="kodex").drop_duplicates("task")
     return {row.task: np.hypot(*results.eigenvalues(row.folder).T) for row in found.itertuples()}
 

@@ -1,0 +1,33 @@
+"""Evaluations cut to the seeds and starts that the compared methods have in common."""
+
+from collections.abc import Iterable
+
+import pandas as pd
+
+FEWEST = 2
+"""The fewest common seeds to which fits of several seeds are cut."""
+
+
+def keep_common(evaluations: pd.DataFrame, by: str = "method") -> pd.DataFrame:
+    """Returns evaluations cut, within each task, to common seeds and common starts.
+
+    Common starts are the first ``episodes`` of the split. Groups that share fewer than two seeds
+    keep all of theirs, see `reports.protocol.differences`. Methods without seeds have seed 0, which
+    is always kept.
+
+    Args:
+        evaluations: as `bench.store.Store.frame` returns them, of one split.
+        by: column whose groups must have the same seeds.
+    """
+    found = evaluations.reset_index(drop=True)
+    for _, part in found.groupby("task"):
+        seeds = common_seeds(set(group.seed) for _, group in part.groupby(by))
+        if len(seeds) >= FEWEST:
+            found = found.drop(part.index[~part.seed.isin(seeds | {0})])
+    return found.assign(episodes=found.groupby("task").episodes.transform("min"))
+
+
+def common_seeds(groups: Iterable[set[int]]) -> set[int]:
+    """Returns the seeds that all groups share. Groups with seed 0 alone do not count."""
+    seeds = [group - {0} for group in groups if group - {0}]
+    return set.intersection(*seeds) if seeds else set()
