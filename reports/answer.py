@@ -89,7 +89,7 @@ def _leaders(
         return (
             f"{names[best]} leads with {share}"
             if len(rates) > 1
-            else f"{names[best]} alone has run, {share}"
+            else f"{names[best]} is the only method, {share}"
         )
     if any(pair in gaps for pair in _ordered_pairs(leaders)):
         others = _listed([names[method] for method in level])

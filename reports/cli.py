@@ -61,17 +61,13 @@ def report(
     """Write tables, figures and a web page (index.html). Exit code 3 if one fails."""
     from bench.store import episodes_table
     from reports.page import SUCCESS
-    from reports.results import Results
     from reports.write import write_report
 
     source = _one_of(folder, reference)
     place = writable_folder(out or (Path("report") if folder is None else folder / "report"))
     if export is not None:
         writable_file(export)
-    with doing("reading results"):
-        results = Results(source, with_reference)
-    if not mixed and not with_reference:
-        results.check_versions()
+    results = _open(source, with_reference, mixed)
     if not reference:  # tests check the shipped results, and this would import torch
         results.check_protocol(results.frame, mixed)
     with doing("writing the report"):
@@ -125,12 +121,9 @@ def compare(
     """Compare methods on the same starts: difference, 95% interval, p, and corrected p (q)."""
     from reports.compare import compare as compare_methods
     from reports.compare import compared_rows
-    from reports.results import Results
 
     chosen = names("--methods", methods)
-    results = Results(_one_of(folder, reference), with_reference)
-    if not mixed and not with_reference:
-        results.check_versions()
+    results = _open(_one_of(folder, reference), with_reference, mixed)
     if not reference:
         results.check_protocol(compared_rows(results, chosen), mixed)
     with doing(f"comparing {', '.join(chosen)}"):
@@ -142,6 +135,17 @@ def compare(
         shown = table.replace({"left": marked, "right": marked})
         print(shown.to_markdown(index=False, floatfmt=".3g"))
     _print_notes(results, as_json)
+
+
+def _open(source: Path, with_reference: bool, mixed: bool) -> "Results":
+    """Opens results. Raises InputError if they come from several versions and are not mixed."""
+    from reports.results import Results
+
+    with doing("reading results"):
+        results = Results(source, with_reference)
+        if not mixed and not with_reference:
+            results.check_versions()
+    return results
 
 
 def _print_notes(results: "Results", aside: bool = False) -> None:
@@ -172,7 +176,7 @@ def verify(
     from bench.verify import verify as verify_results
 
     source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
-    with doing("reading results"):
+    with doing("repeating evaluations"):
         found = verify_results(source, cells, episodes, draw, where)
     if as_json:
         print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))

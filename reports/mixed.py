@@ -95,7 +95,7 @@ class MixedProtocols:
         )
         return InputError(
             f"{shown}\n"
-            "to see them all the same, give --mixed\n"
+            "to show them nevertheless, give --mixed\n"
             f"get comparable rows: {self._command(rows)}"
         )
 

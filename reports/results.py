@@ -121,7 +121,7 @@ class Results:
             if len(found) > 1:
                 raise InputError(
                     f"the fits come from {library} {' and '.join(found)}, whose numbers need not"
-                    " compare: give --mixed to show them all the same"
+                    " compare: give --mixed to show them nevertheless"
                 )
 
     def check_protocol(self, rows: pd.DataFrame, mixed: bool = False) -> None:

@@ -341,7 +341,7 @@ class TestInProcess:
         assert code == 0
         titles = [line for line in said.splitlines() if line.startswith("## ")]
         assert titles == ["## Success on test starts"]
-        assert "Door: KODex alone has run, " in said
+        assert "Door: KODex is the only method, " in said
         assert said.endswith(f"tables on the page {tmp_path / 'report/index.html'}\n")
         assert "numbers mean nothing" in said
         said = bench("report", str(tmp_path), "--tables")[1]

@@ -1,4 +1,4 @@
-"""Reports of whatever subset of methods, tasks, experiments, sizes and seeds there is."""
+"""Reports of any subset of methods, tasks, experiments, sizes and seeds."""
 
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -26,7 +26,7 @@ from tasks.registry import TASKS
 
 SUITE = ("expert", "kodex", "nn", "ndp")
 OWN = {
-    # By name: controller, sizes, seeds.
+    # Controller, sizes and seeds, by name.
     "mine": ("none", ("single",), (0,)),
     "closed-loop": ("none", ("x large", "1_a", "small"), (3,)),
     "own_motion": ("original", ("64",), (1, 2)),
@@ -37,7 +37,7 @@ OF_DIAGNOSTICS = {"table_11", "table_12", "figure_6", "figure_7"}
 
 @cache
 def everything():
-    """All evaluations of the preset `paper`, of methods of the suite and of other packages."""
+    """Returns all evaluations of the preset `paper`, with methods of the suite and of packages."""
     study = replace(get_preset("paper"), methods=SUITE[1:], seeds=(1, 2))
     study = replace(study, episodes=dict.fromkeys(study.episodes, 12))
     cells = cells_of(study, dict.fromkeys(TASKS, "recipe"))
@@ -65,7 +65,7 @@ def rows_of(name):
 
 
 class Subset(Results):
-    """Some of the evaluations, whose episodes are drawn at random."""
+    """Results of some evaluations, with random episodes."""
 
     frame = pd.DataFrame()
     provenance = ()
@@ -99,7 +99,7 @@ class Subset(Results):
 
 
 def some(values):
-    """A subset of the values that is not empty."""
+    """Draws a subset of the values that is not empty."""
     return st.sets(st.sampled_from(sorted(values)), min_size=1)
 
 
@@ -117,7 +117,7 @@ def subsets(draw):
 
 @pytest.fixture(scope="module", autouse=True)
 def few_resamples():
-    """Intervals of few resamples: what they say is not what these tests are about."""
+    """Computes intervals from few resamples, since these tests do not check them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stats, "RESAMPLES", 20)
         paired, mean = stats.paired_difference, stats.mean_over_tasks
@@ -158,7 +158,7 @@ def check(made, folder):
 @example(only(method="mine", split="validation"), True)
 @example(only(variant="set_1"), False)
 @settings(max_examples=12)
-def test_every_subset_has_a_report(frame, diverged):
+def test_any_subset_of_results_has_a_report(frame, diverged):
     results = Subset(frame, diverged)
     results.check_protocol(frame, mixed=True)
     with undrawn(), TemporaryDirectory() as folder:
@@ -177,7 +177,7 @@ def test_every_subset_has_a_report(frame, diverged):
         {"task": "tool", "size": "single"},
     ],
 )
-def test_figures_of_a_subset_are_drawn(values, tmp_path, monkeypatch):
+def test_report_of_a_subset_draws_all_its_figures(values, tmp_path, monkeypatch):
     monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     made = write_report(Subset(only(**values), diverged="mine" in values.values()), tmp_path)
     check(made, tmp_path)
@@ -187,7 +187,7 @@ def test_figures_of_a_subset_are_drawn(values, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", ["missing", "of odd shape", "empty", "not finite"])
-def test_diagnostics_that_cannot_be_read_take_down_their_own_exhibits_alone(kind, tmp_path, capsys):
+def test_unreadable_diagnostics_remove_only_their_own_exhibits(kind, tmp_path, capsys):
     with undrawn():
         sound = write_report(Subset(only(task="door", method="kodex")), tmp_path)
         made = write_report(Subset(only(task="door", method="kodex"), diagnostics=kind), tmp_path)
@@ -203,7 +203,7 @@ def test_diagnostics_that_cannot_be_read_take_down_their_own_exhibits_alone(kind
 
 
 @pytest.mark.parametrize("part", ["table", "figure"])
-def test_an_exhibit_that_fails_takes_no_other_down(part, tmp_path, monkeypatch, capsys):
+def test_exhibit_that_fails_removes_no_other(part, tmp_path, monkeypatch, capsys):
     def fail(*arguments):
         raise ZeroDivisionError("no such luck")
 
