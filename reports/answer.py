@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from bench.labels import EXPERT
 from reports.compare import compare
 from reports.exhibits.success import success_by_method
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
 from tasks.errors import InputError
@@ -29,8 +29,7 @@ def answer(results: Results) -> list[str]:
     It names the method with the most success, those that cannot be told apart from it, and how far
     the others are behind it. The expert does not take part.
     """
-    found = results.main(split="test")
-    found = found[found.method != EXPERT]
+    found = without_expert(results.main(split="test"))
     methods = ordered(found.method, METHODS)
     pairs, shown = _pairs(results, methods), success_by_method(results, "test")
     sentences = []

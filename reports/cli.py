@@ -176,7 +176,7 @@ def verify(
     from bench.verify import verify as verify_results
 
     source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
-    with doing("repeating evaluations"):
+    with doing("reading results"):
         found = verify_results(source, cells, episodes, draw, where)
     if as_json:
         print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))

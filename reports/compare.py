@@ -72,13 +72,13 @@ def _at(results: Results, method: str, task: str, split: str) -> dict[str, str]:
 
 
 def _difference(left: BoolArray, right: BoolArray, name: str) -> dict[str, float]:
-    found = paired_difference(left, right, name)
+    found = paired_difference(left, right, name).in_points
     return {
         "left rate": 100 * left.mean(),
         "right rate": 100 * right.mean(),
-        "difference": 100 * found.value,
-        "low": 100 * found.low,
-        "high": 100 * found.high,
+        "difference": found.value,
+        "low": found.low,
+        "high": found.high,
         "p": found.p,
         "n": left.shape[1],
     }

@@ -10,6 +10,7 @@ import pandas as pd
 
 from bench.labels import EXPERT
 from reports.exhibit import Exhibit, span
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
 
@@ -101,8 +102,8 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
         (None if it always succeeds), the ``film`` of that start or None, and the ``command`` that
         films it.
     """
-    found = results.main(split="test").sort_values("seed", kind="stable")
-    found = found[found.method != EXPERT].drop_duplicates(["task", "method"])
+    found = without_expert(results.main(split="test")).sort_values("seed", kind="stable")
+    found = found.drop_duplicates(["task", "method"])
     rows = []
     for task in ordered(found.task, TASKS):
         here = found[found.task == task].set_index("method", drop=False)

@@ -1,11 +1,24 @@
-"""Evaluations cut to the seeds and starts that the compared methods have in common."""
+"""Which evaluations are compared: those of methods, on common seeds and starts."""
 
 from collections.abc import Iterable
 
 import pandas as pd
 
+from bench.labels import EXPERT
+
 FEWEST = 2
 """The fewest common seeds to which fits of several seeds are cut."""
+
+
+def without_expert(evaluations: pd.DataFrame) -> pd.DataFrame:
+    """Returns the evaluations of methods."""
+    return evaluations[evaluations.method != EXPERT]
+
+
+def demos_of_expert(evaluations: pd.DataFrame) -> dict[str, str]:
+    """Returns the keys of the expert's demonstrations, by task."""
+    experts = evaluations[evaluations.method == EXPERT].drop_duplicates("task")
+    return dict(zip(experts.task, experts.recipe, strict=True))
 
 
 def keep_common(evaluations: pd.DataFrame, by: str = "method") -> pd.DataFrame:

@@ -15,9 +15,9 @@ from typing import Any
 import pandas as pd
 
 from bench.controller import ORIGINAL
-from bench.labels import EXPERT, plain
+from bench.labels import plain
 from bench.store import CONDITIONS
-from reports.pairing import FEWEST, common_seeds
+from reports.pairing import FEWEST, common_seeds, demos_of_expert, without_expert
 from tasks.errors import InputError
 
 DEMOS, DEMOS_OF, EPOCHS, SEEDS = "demos", "demos of", "share of epochs", "seeds"
@@ -45,9 +45,7 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
         has of a setting that differs within its task. A setting is omitted if it divides the
         methods as an earlier one does.
     """
-    learnt = rows[rows.method != EXPERT]
-    experts = rows[rows.method == EXPERT].drop_duplicates("task")
-    own = dict(zip(experts.task, experts.recipe, strict=True))
+    learnt, own = without_expert(rows), demos_of_expert(rows)
     found = [*_demonstrations(learnt, own), *_controllers(learnt, specs, own)]
     found += [*_shares(learnt), *_seeds(learnt)]
     table = pd.DataFrame(found, columns=["task", "method", "setting", "value"]).drop_duplicates()

@@ -7,6 +7,7 @@ import pandas as pd
 
 from bench.controller import ON_SUCCESSES, TUNED, UNCLIPPED
 from bench.labels import EXPERT
+from reports.pairing import demos_of_expert, without_expert
 from reports.style import TASKS, display, ordered
 
 OWN = " (suite's own)"
@@ -38,9 +39,9 @@ def remarks_on_the_expert(frame: pd.DataFrame) -> list[Remark]:
     Args:
         frame: as `bench.store.Store.frame` returns it.
     """
-    recipes = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").recipe
-    methods = frame[(frame.method != EXPERT) & frame.task.isin(recipes.index)]
-    others = methods[methods.recipe != methods.task.map(recipes)]
+    own = demos_of_expert(frame)
+    learnt = without_expert(frame[frame.task.isin(own)])
+    others = learnt[learnt.recipe != learnt.task.map(own)]
     tasks = ordered(others.task, TASKS)
     if not tasks:
         return []

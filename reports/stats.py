@@ -72,6 +72,11 @@ class Difference(NamedTuple):
     high: float
     p: float
 
+    @property
+    def in_points(self) -> "Difference":
+        """The same difference in points, per cent of success."""
+        return Difference(100 * self.value, 100 * self.low, 100 * self.high, self.p)
+
 
 def paired_difference(
     left: BoolArray, right: BoolArray, name: object, resamples: int = 2000

@@ -1,6 +1,6 @@
 """Tables of exhibits: one line for each value, in columns row, column, value and more."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
@@ -8,9 +8,9 @@ from reports.results import Results
 from reports.style import TASKS, ordered
 
 
-def empty_table() -> pd.DataFrame:
-    """Returns the table of an exhibit without results."""
-    return pd.DataFrame(columns=["row", "column", "value"])
+def table_of(rows: Sequence[Mapping[str, object]] = ()) -> pd.DataFrame:
+    """Returns a table of values, each with its row and column. By default the table is empty."""
+    return pd.DataFrame(rows, columns=["row", "column", "value"])
 
 
 def success_table(

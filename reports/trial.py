@@ -12,9 +12,10 @@ from bench.checking import known
 from bench.experiments import cells_of, recipes_of
 from bench.intervals import wilson
 from bench.presets import Study
-from bench.spec import EXPERT, Cell
+from bench.spec import Cell
 from bench.store import KEY_DIGITS, Store
 from methods.registry import SUITE, introduced
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.stats import paired_difference, rate_interval
 from tasks.data import BoolArray
@@ -69,9 +70,9 @@ class Trial:
             interval = rate_interval(success, f"{self.cell.fit.task} test {method}")
             ours = self.success[None, : success.shape[1]]
             pair = f"{self.cell.fit.task} test {self.cell.fit.method} {method}"
-            *points, p = paired_difference(ours, success, pair)
+            difference = paired_difference(ours, success, pair).in_points
             per_cent = [100 * float(value) for value in (success.mean(), *interval)]
-            rows.append((method, *per_cent, *success.shape, *(100 * x for x in points), p))
+            rows.append((method, *per_cent, *success.shape, *difference))
         table = pd.DataFrame(rows, columns=[*COLUMNS, *DIFFERENCE])
         return table.sort_values("success", ascending=False, kind="stable", ignore_index=True)
 
@@ -106,8 +107,7 @@ class Trial:
 
     def _others(self, reference: Results) -> pd.DataFrame:
         """Returns the shipped evaluations of methods on the task's ``test`` starts."""
-        found = reference.main(task=self.cell.fit.task, split="test")
-        return found[found.method != EXPERT]
+        return without_expert(reference.main(task=self.cell.fit.task, split="test"))
 
 
 def trial_of(study: Study, folder: Path) -> Trial:

@@ -12,6 +12,7 @@ a claim is
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from reports.exhibits.table_11 import SETS
 from reports.exhibits.table_12 import magnitudes
 from reports.paper import published
 from reports.results import Results
-from reports.stats import paired_difference
+from reports.stats import Difference, paired_difference
 from reports.style import TASKS, display
 from tasks.errors import described
 
@@ -42,12 +43,22 @@ class Judgement(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """The difference of a contrast, in points, with the ends of its interval."""
+    """A contrast and its difference in results, in points."""
 
     contrast: Contrast
-    difference: float
-    low: float
-    high: float
+    found: Difference
+
+    @property
+    def above_margin(self) -> float:
+        """Points by which the difference exceeds the margin."""
+        return self.found.value - self.contrast.margin
+
+    def __str__(self) -> str:
+        found, contrast = self.found, self.contrast
+        return (
+            f"{contrast.left} minus {contrast.right}: {found.value:+.1f} points"
+            f" [{found.low:.1f}, {found.high:.1f}], claimed above {contrast.margin:g}"
+        )
 
 
 def verdicts(results: Results) -> pd.DataFrame:
@@ -82,20 +93,17 @@ def judge(claim: Claim, results: Results) -> Judgement:
         left, right = results.paired_success([_selection(setting) for setting in sides])
         if left is None or right is None:
             return Judgement(NOT_RUN, f"no results of {sides[0] if left is None else sides[1]}")
-        found = paired_difference(left, right, str(contrast))
-        measured.append(Measured(contrast, 100 * found.value, 100 * found.low, 100 * found.high))
-    against = [one for one in measured if one.high <= one.contrast.margin]
-    doubtful = [one for one in measured if one.low <= one.contrast.margin]
+        found = paired_difference(left, right, str(contrast)).in_points
+        measured.append(Measured(contrast, found))
+    against = [one for one in measured if one.found.high <= one.contrast.margin]
+    doubtful = [one for one in measured if one.found.low <= one.contrast.margin]
     verdict = "contradicted" if against else "undecided" if doubtful else "reproduced"
-    shown = min(
-        against or doubtful or measured, key=lambda one: one.difference - one.contrast.margin
-    )
+    shown = min(against or doubtful or measured, key=attrgetter("above_margin"))
     count, on_side = len(measured), len(measured) - len(doubtful)
     return Judgement(
         verdict,
         f"{on_side} of {count} comparisons on the claimed side, {len(against)} on the other;"
-        f" {shown.contrast.left} minus {shown.contrast.right}: {shown.difference:+.1f} points"
-        f" [{shown.low:.1f}, {shown.high:.1f}], claimed above {shown.contrast.margin:g}",
+        f" {shown}",
     )
 
 

@@ -7,7 +7,7 @@ from reports.charts import panels
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS
-from reports.tables import empty_table, in_order, success_table
+from reports.tables import in_order, success_table, table_of
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -17,7 +17,7 @@ def table(results: Results) -> pd.DataFrame:
     """
     others = pd.concat([results.main(controller=name, split="test") for name in RESEEDED.values()])
     if others.empty:
-        return empty_table()
+        return table_of()
     original = results.main(controller=ORIGINAL, split="test")
     found = pd.concat([original[original.folder.isin(others.folder)], others])
     found = found.assign(label=found.method + " " + found.task)

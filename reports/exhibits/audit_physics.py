@@ -6,7 +6,7 @@ from bench.controller import ON_SUCCESSES, TUNED
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS
-from reports.tables import empty_table, in_order, success_table
+from reports.tables import in_order, success_table, table_of
 from tasks.masses import CHANGES, READINGS
 
 
@@ -24,7 +24,7 @@ def table(results: Results) -> pd.DataFrame:
     ]
     found = pd.concat(parts)
     if not any(found.physics.isin(READINGS[task]).any() for task in TASKS):
-        return empty_table()
+        return table_of()
     label = found.task + " " + found.physics
     tuned = found.controller.isin([TUNED, ON_SUCCESSES])
     found = found.assign(label=label.where(~tuned, label + " " + found.controller))

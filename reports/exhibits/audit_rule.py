@@ -5,7 +5,7 @@ import pandas as pd
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS
-from reports.tables import empty_table, in_order, success_table
+from reports.tables import in_order, success_table, table_of
 from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, rules
 
 
@@ -18,7 +18,7 @@ def table(results: Results) -> pd.DataFrame:
         parts += [appendix[appendix.folder.isin(published.folder)], published]
     found = pd.concat(parts)
     if found.empty:
-        return empty_table()
+        return table_of()
     found = found.assign(label=found.task + " " + found.rule)
     columns = [f"{task} {rule}" for task in JUDGED_OTHERWISE for rule in rules(task)]
     return in_order(success_table(results, found, "method", "label"), METHODS, columns)

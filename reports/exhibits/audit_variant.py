@@ -3,14 +3,14 @@
 import pandas as pd
 
 from bench.controller import UNCLIPPED
-from bench.labels import EXPERT
 from reports.charts import panels
 from reports.exhibit import Exhibit
 from reports.exhibits.table_11 import SETS
+from reports.pairing import without_expert
 from reports.paper import published, with_numbers
 from reports.results import Results
 from reports.style import METHODS, ordered
-from reports.tables import empty_table, in_order, success_table
+from reports.tables import in_order, success_table, table_of
 
 COMPARED = ("described", "published")
 """The variants beside which the paper's numbers are shown."""
@@ -21,10 +21,9 @@ def table(results: Results) -> pd.DataFrame:
     variants = [v for v in results.frame.variant.unique() if v == "described" or v not in SETS]
     unclipped = results.main(controller=UNCLIPPED, split="test")
     parts = [results.main(variant=v, split="test") for v in variants]
-    found = pd.concat([*parts, unclipped.assign(variant=UNCLIPPED)])
-    found = found[found.method != EXPERT]
+    found = without_expert(pd.concat([*parts, unclipped.assign(variant=UNCLIPPED)]))
     if found.variant.nunique() < 2:
-        return empty_table()
+        return table_of()
     label = found.method + " " + found.variant
     rows = [f"{m} {v}" for v in ordered(found.variant, COMPARED) for m in METHODS[1:]]
     success = in_order(success_table(results, found.assign(label=label), "label", "task"), rows)

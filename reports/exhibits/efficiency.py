@@ -6,20 +6,19 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bench.labels import EXPERT
 from reports.charts import add_legend, errors_of, task_panels
 from reports.exhibit import Exhibit
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, marker, ordered
-from reports.tables import empty_table
+from reports.tables import table_of
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = results.chosen(split="test")
-    found = found[found.method != EXPERT]
+    found = without_expert(results.chosen(split="test"))
     if found.demos.nunique() < 2:
-        return empty_table()
+        return table_of()
     return by_demos(results.rates(found, ["method", "demos", "task"]))
 
 

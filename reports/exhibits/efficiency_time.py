@@ -3,20 +3,19 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bench.labels import EXPERT
 from reports.charts import log_dots, set_logarithmic
 from reports.exhibit import Exhibit
 from reports.exhibits.efficiency import by_demos, draw_lines
+from reports.pairing import without_expert
 from reports.results import Results
-from reports.tables import empty_table
+from reports.tables import table_of
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = results.chosen(split="test").dropna(subset="fit_seconds")
-    found = found[found.method != EXPERT]
+    found = without_expert(results.chosen(split="test")).dropna(subset="fit_seconds")
     if found.empty:
-        return empty_table()
+        return table_of()
     found = found.drop_duplicates(["method", "demos", "task"])
     table = by_demos(found.rename(columns={"fit_seconds": "value"}))
     return table[["row", "column", "method", "demos", "value"]]

@@ -6,6 +6,7 @@ from reports.charts import log_dots
 from reports.exhibit import Exhibit
 from reports.exhibits.table_11 import SETS
 from reports.results import Results
+from reports.tables import table_of
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -18,7 +19,7 @@ def table(results: Results) -> pd.DataFrame:
         .drop_duplicates("task")
         .itertuples()
     ]
-    return pd.DataFrame(rows, columns=["row", "column", "value"])
+    return table_of(rows)
 
 
 EXHIBIT = Exhibit(

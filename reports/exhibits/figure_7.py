@@ -11,6 +11,7 @@ from reports.exhibit import Exhibit
 from reports.exhibits.table_12 import magnitudes
 from reports.results import Results
 from reports.style import INK, colour
+from reports.tables import table_of
 
 EDGES = np.linspace(0, 1.1, 23)
 """Edges of the bins. The last bin also holds all larger magnitudes."""
@@ -27,7 +28,7 @@ def table(results: Results) -> pd.DataFrame:
             {"row": name, "column": task, "value": float(count)}
             for name, count in zip(names, counts, strict=True)
         ]
-    return pd.DataFrame(rows, columns=["row", "column", "value"])
+    return table_of(rows)
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bench.labels import EXPERT
 from bench.store import Store
 from reports.exhibit import Exhibit
 from reports.motions import (
@@ -21,9 +20,10 @@ from reports.motions import (
     most_turning,
     replayed_motion,
 )
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, display, ordered
-from reports.tables import empty_table, in_order
+from reports.tables import in_order, table_of
 from tasks.errors import InputError
 
 JOINTS = 2
@@ -42,12 +42,11 @@ def table(results: Results) -> pd.DataFrame:
     """
     parts = []
     if isinstance(results.source, Store):
-        found = results.main(split="test")
-        found = found[found.method != EXPERT].sort_values("seed", kind="stable")
+        found = without_expert(results.main(split="test")).sort_values("seed", kind="stable")
         for _, of_task in found.groupby("task", sort=False):
             rows = of_task.drop_duplicates("method").to_dict("records")
             parts += _of_task(results, rows)
-    return in_order(pd.concat(parts), METHODS) if parts else empty_table()
+    return in_order(pd.concat(parts), METHODS) if parts else table_of()
 
 
 def _of_task(results: Results, rows: Sequence[dict[str, Any]]) -> list[pd.DataFrame]:

@@ -8,7 +8,7 @@ from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
 from reports.style import METHODS, display
-from reports.tables import empty_table, in_order, success_table
+from reports.tables import in_order, success_table, table_of
 from tasks.masses import PHYSICS, VARIATIONS
 
 TABLES = {
@@ -26,7 +26,7 @@ def _exhibit(task: str, title: str) -> Exhibit:
         """Returns a row for each method and controller, and a column for each physics."""
         found = pd.concat([results.main(task=task, split="test", physics=v) for v in VARIATIONS])
         if found.empty:
-            return empty_table()
+            return table_of()
         found = pd.concat([results.main(task=task, split="test"), found])
         uncontrolled = found.controller == NO_CONTROLLER
         label = found.method.where(uncontrolled, found.method + " " + found.controller)

@@ -11,7 +11,7 @@ from reports.exhibit import Exhibit
 from reports.results import SPLITS, Results
 from reports.starts import draw_starts, start_values
 from reports.style import METHODS, TASKS, display, ordered
-from reports.tables import empty_table, in_order
+from reports.tables import in_order, table_of
 
 SHOWN = 200
 """Number of starts of a split that are shown, the first ones."""
@@ -42,7 +42,7 @@ def table(results: Results) -> pd.DataFrame:
             facts = {"split": split, "value": 100 * success.mean(axis=0), "seeds": len(success)}
             parts.append(values.assign(row=method, column=task, n=success.shape[1], **facts))
     if not parts:
-        return empty_table()
+        return table_of()
     whole = in_order(pd.concat(parts), METHODS)
     first = ["row", "column", "split", "start", "value", "seeds", "n"]
     return whole[[*first, *whole.columns.difference(first, sort=False)]]

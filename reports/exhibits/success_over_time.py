@@ -10,7 +10,7 @@ from matplotlib.ticker import MultipleLocator
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, dashes, display, ordered
-from reports.tables import empty_table, in_order
+from reports.tables import in_order, table_of
 from tasks.data import CONTROL_STEP, FloatArray
 
 
@@ -40,7 +40,7 @@ def table(results: Results) -> pd.DataFrame:
                     }
                 )
             )
-    return in_order(pd.concat(parts), METHODS) if parts else empty_table()
+    return in_order(pd.concat(parts), METHODS) if parts else table_of()
 
 
 def _curve(results: Results, name: str, row: dict[str, Any], count: int) -> FloatArray | None:

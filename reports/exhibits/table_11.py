@@ -5,6 +5,7 @@ import pandas as pd
 from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
+from reports.tables import table_of
 
 SETS = {"set_1": "set 1", "set_2": "set 2", "described": "set 3", "set_4": "set 4"}
 """Names of the sets of observables, by variant of KODex."""
@@ -19,7 +20,7 @@ def table(results: Results) -> pd.DataFrame:
         ):
             count = float(len(results.eigenvalues(one.folder)))
             rows.append({"row": name, "column": one.task, "value": count})
-    table = pd.DataFrame(rows, columns=["row", "column", "value"])
+    table = table_of(rows)
     return with_published(table, "table_11")
 
 

@@ -7,6 +7,7 @@ from reports.charts import dots
 from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
+from reports.tables import table_of
 
 
 def magnitudes(results: Results) -> dict[str, np.ndarray]:
@@ -21,7 +22,7 @@ def table(results: Results) -> pd.DataFrame:
         {"row": "kodex", "column": task, "value": float(values.max())}
         for task, values in magnitudes(results).items()
     ]
-    return with_published(pd.DataFrame(rows, columns=["row", "column", "value"]), "table_12")
+    return with_published(table_of(rows), "table_12")
 
 
 EXHIBIT = Exhibit(
