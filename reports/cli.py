@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -60,7 +61,6 @@ def report(
 ) -> None:
     """Write tables, figures and a web page (index.html). Exit code 3 if one fails."""
     from bench.store import episodes_table
-    from reports.page import SUCCESS
     from reports.write import write_report
 
     source = _one_of(folder, reference)
@@ -76,15 +76,22 @@ def report(
         with whole_file(export) as file:
             episodes_table(results.source).to_parquet(file, index=False)
     _print_notes(results)
-    for path in made.written:
-        if tables:
+    _print_tables(made.written, tables)
+    print("\n".join([*made.answer, "", f"{len(made.written)} tables on the page {made.page}"]))
+    if made.failed:
+        raise typer.Exit(SOME_FAILED)
+
+
+def _print_tables(paths: Sequence[Path], all_of_them: bool) -> None:
+    """Prints all tables with captions, or that of success without one."""
+    from reports.page import SUCCESS
+
+    for path in paths:
+        if all_of_them:
             print(path.read_text())
         elif path.stem == SUCCESS:
             title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
             print(title_and_rows + "\n")
-    print("\n".join([*made.answer, "", f"{len(made.written)} tables on the page {made.page}"]))
-    if made.failed:
-        raise typer.Exit(SOME_FAILED)
 
 
 def pack(

@@ -46,18 +46,14 @@ def failures(
     import pandas as pd
 
     from bench.packed import is_packed
-    from reports.failing import count_modes
     from reports.results import Results
-    from tasks.registry import get_task
 
     results = Results(results_folder(folder, packed=True))
     place = writable_folder(out or folder / "pictures")
     tables, pictures = [], []
     for name in _tasks(results, task):
         by_method = _episodes(results, name, method, split, seed)
-        for one, whole in by_method.items():
-            counts = count_modes(get_task(name), whole)
-            tables.append(counts.assign(task=name, method=one, seeds=whole.seed.nunique()))
+        tables.append(_count(name, by_method))
         pictures.append(_draw(name, by_method, place))
     table = pd.concat(tables, ignore_index=True)
     films = [] if is_packed(folder) else _films(folder, table)
@@ -114,6 +110,21 @@ def _episodes(
         parts = [episodes(results.folder, task, name, one, seed) for one in splits]
         found[name] = pd.concat(parts, ignore_index=True)
     return found
+
+
+def _count(task: str, by_method: "dict[str, pd.DataFrame]") -> "pd.DataFrame":
+    """Returns how often each failure mode of each method occurs on a task."""
+    import pandas as pd
+
+    from reports.failing import count_modes
+    from tasks.registry import get_task
+
+    return pd.concat(
+        count_modes(get_task(task), whole).assign(
+            task=task, method=method, seeds=whole.seed.nunique()
+        )
+        for method, whole in by_method.items()
+    )
 
 
 def _draw(task: str, by_method: "dict[str, pd.DataFrame]", folder: Path) -> Path:
