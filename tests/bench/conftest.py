@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bench.controller import ControllerConfig
+from bench.controller_kinds import ORIGINAL
 from bench.manifest import Wanted
 from bench.results import Results
 from bench.results_writer import ResultsWriter, writing
@@ -23,7 +24,7 @@ class Stored:
     other = Fit("door", "kodex", "described", "single", {"observables": 2, **KODEX}, 10, 0, "r")
     """A fit under the same label that is not stored."""
     evaluation = Evaluation("door", "test", controller_key="c")
-    controller = ControllerSpec("door", ControllerConfig(), 10, "r")
+    controller = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "r")
     weights = to_bytes({"koopman": np.arange(6.0).reshape(2, 3)})
     losses = to_bytes({"losses": np.ones(3)})
 
