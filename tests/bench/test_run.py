@@ -668,8 +668,8 @@ class TestInProcess:
         assert each.column.tolist() == ["original", *(f"original-{s}" for s in (2, 3, 4, 5))]
         assert (each.n == 3).all()
         assert mean.value.item() == pytest.approx(each.value.mean())
-        assert "kodex unclipped,door" in (tables / "audit.csv").read_text()
-        assert "door heavy_palm,kodex" in (tables / "audit_appendix_i.csv").read_text()
+        assert "kodex unclipped,door" in (tables / "audit_variant.csv").read_text()
+        assert "door heavy_palm,kodex" in (tables / "audit_physics.csv").read_text()
 
     def test_fits_are_timed_once_and_apart_from_the_run(self, task, smoke, bench, tmp_path):
         bench("run", "smoke", "--methods", "kodex,nn", "--out", str(tmp_path), "--jobs", "1")
