@@ -169,7 +169,7 @@ def test_arrays_become_demonstrations_of_what_succeeds_on_replay(task, arrays, b
     assert code == 0
     assert "mine.npz: not read: velocities; arrays read are actions, starts, states" in error
     assert "door: 5 of 8 episodes successful on replay\nepisodes that fail: 0, 3, 6" in said
-    assert "given states differ from those of the replay by at most 0" in said
+    assert "the given states differ from the replay by at most 0" in said
     kept = [1, 2, 4, 5, 7]
     training, validation = suite.demos("door", out)
     states = np.concatenate([training.states, validation.states])

@@ -61,7 +61,7 @@ def test_a_tuple_may_be_set_with_or_without_brackets(task, smoke, written):
         (("smoke", "--seeds", "0"), "--seeds takes a number"),
         (("smoke", "--episodes", "0"), "whole number from 1"),
         (("smoke", "--episodes", "1.5"), "got '1.5'"),
-        (("smoke", "--jobs", "0"), "jobs must be 1 or more, or -1 for one on each core, got"),
+        (("smoke", "--jobs", "0"), "jobs must be 1 or more, or -1 for one per core, got"),
         (("smoke", "--jobs", "-2"), "jobs must be 1 or more"),
         (("smoke", "--backend", "lok"), "did you mean 'loky'"),
         (("smoke", "--limit", "nan"), "--limit must be above 0"),
