@@ -135,10 +135,10 @@ class Clock:
 
 
 class _Prices:
-    """Estimates the seconds of jobs from ended jobs, of the same kind and of all kinds."""
+    """Estimates the seconds of jobs from ended jobs of the same kind and of all kinds."""
 
     def __init__(self, seen: Sequence[_Took], prior: float, weight: float) -> None:
-        """Takes ended jobs with their seconds, and the initial factor with its weight in seconds."""
+        """Takes ended jobs with their seconds, and an initial factor with its weight in seconds."""
         known = [(cost.seconds, took) for cost, took in seen if cost.known]
         expected, took = map(sum, zip((weight, weight * prior), *known, strict=True))
         self._common = took / expected
@@ -168,7 +168,7 @@ def duration(seconds: float) -> str:
 
 
 def headline(state: Mapping[str, Any]) -> str:
-    """Returns the times of a state in words. A state of `read_state` may be of a stopped run."""
+    """Returns the times of a state in words; the state may be of a stopped run."""
     gone, left = state["gone"], state["left"]
     if not state.get("running", True):
         return f"stopped after {duration(gone)}; rerun the same command to resume"

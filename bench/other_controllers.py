@@ -1,4 +1,4 @@
-"""Refuse to replace evaluations whose controller was trained with other settings."""
+"""Refuses to replace evaluations whose controller was trained with other settings."""
 
 import json
 from collections.abc import Iterable

@@ -52,7 +52,7 @@ if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
 
 T = TypeVar("T")
 Stamp = tuple[tuple[int, int, int] | None, ...]
-"""What changes when files do."""
+"""Identifies a version of files: it changes when they do."""
 REPORTED: set[tuple[Path, Stamp]] = set()
 """The damage that this process has reported; it may open a folder several times."""
 
@@ -61,7 +61,7 @@ class Results:
     """A results folder, as it is at the moment of each call."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder.absolute()  # wherever this process goes
+        self.folder = folder.absolute()  # the working folder may change
         self.damaged: dict[Path, str] = {}
         """Files and folders that have been found damaged, and why."""
         self._checked: dict[Path, tuple[Stamp, Any]] = {}
@@ -72,7 +72,7 @@ class Results:
             raise InputError(f"{self.folder} holds no results: bench run writes them there")
 
     def manifest(self) -> Manifest:
-        """Returns what studies have asked for.
+        """Returns the manifest: which evaluations studies have requested.
 
         Raises:
             InputError: the manifest is damaged.
@@ -325,7 +325,7 @@ class Results:
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:
-    """What changes when a file does; None if it is not there."""
+    """Identifies a version of a file; None if it is not there."""
     try:
         found = path.stat()
     except OSError:

@@ -40,10 +40,10 @@ _UNFINISHED = ".unfinished"
 
 @contextmanager
 def writing(folder: Path) -> Iterator["ResultsWriter"]:
-    """Yields the writer of a results folder, which is made if needed; keeps other writers out.
+    """Yields the writer of a results folder, created if needed, and keeps other writers out.
 
-    What an earlier writer left unfinished is removed. What was found damaged is set aside at the
-    end, at the latest.
+    Unfinished files of an earlier writer are removed. Files that were found damaged are set aside
+    at the end, if not before.
 
     Raises:
         InputError: another process writes to the folder, or it cannot be written to.
@@ -63,7 +63,7 @@ class ResultsWriter:
     """Writes results. To be used in `writing`."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder.absolute()  # wherever this process goes
+        self.folder = folder.absolute()  # the working folder may change
         self.results: Results = _OfWriter(folder)
         """What is stored by now."""
 

@@ -1,4 +1,4 @@
-"""Files that show whether they are what was written, and writing them whole or not at all.
+"""Files with a checksum that reveals damage, and writing them whole or not at all.
 
 A record is a JSON object with its own SHA-256. A sealed folder has a record that lists the SHA-256
 of the other files. A table is a parquet file with labels, and with the SHA-256 of its other bytes.
@@ -19,14 +19,14 @@ import pyarrow.parquet as pq
 from tasks.files import flush, sync
 
 FORMAT = 2
-"""Raise it when files are laid out in another way; those of another format count as damaged."""
+"""To be raised when the layout of files changes; files of another format count as damaged."""
 _OWN, _HASHES = "self", "sha256"
 _MARK = b"sha256:"
 _UNSEALED = _MARK + b"0" * 64
 
 
 class DamagedError(Exception):
-    """A file is not what was written."""
+    """A file differs from what was written."""
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path} is damaged ({reason})")

@@ -106,7 +106,7 @@ class Evaluation:
     split: str
     physics: str = NOMINAL
     controller: str = ORIGINAL
-    """Name of the controller that tracks a predicted motion; none for what acts by itself."""
+    """Name of the controller that tracks a predicted motion; ``none`` if no controller is used."""
     controller_key: str = ""
     rule: str = APPENDIX
     """The rule that decides on success."""

@@ -63,11 +63,11 @@ def test_two_packages_with_one_command_are_both_named(run):
     packages = {"first": ("hello", WORKS), "second": ("hello", WORKS)}
     code, _, error = run(packages, "hello")
     assert code == 2
-    assert "first and second bring the same command 'hello'" in error
+    assert "first and second provide the same command 'hello'" in error
 
 
 def test_a_package_does_not_replace_a_command_of_the_suite(run):
     packages = {"evil": ("list", WORKS), "other": ("pack", WORKS)}
     assert "kodex" in run(packages, "list")[1]
-    assert "evil brings a command 'list', which bench has" in run(packages, "doctor")[1]
-    assert "kodex-bench and other bring the same command" in run(packages, "pack")[2]
+    assert "evil provides a command 'list', which bench has" in run(packages, "doctor")[1]
+    assert "kodex-bench and other provide the same command" in run(packages, "pack")[2]

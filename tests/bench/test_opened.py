@@ -102,7 +102,7 @@ def test_what_is_no_path_is_refused_by_its_value(task, tmp_path, monkeypatch, ca
 
 @pytest.fixture
 def looks(monkeypatch):
-    """A package that brings the three views, which return what they were called with."""
+    """A package that provides the three views, which return what they were called with."""
     module = ModuleType("looks")
     module.failures = lambda folder, task, method, split, seed: (task, method, split, seed)
     module.motions = lambda folder, task, method, start, seed: (task, method, start, seed)
@@ -134,8 +134,8 @@ def test_the_suites_own_views_show_failures_and_motions(door, bench, tmp_path):
 @pytest.mark.parametrize(
     ("harm", "answer"),
     [
-        ("missing", "no installed package brings the view 'failures'"),
-        ("twice", "bring the same view 'failures'"),
+        ("missing", "no installed package provides the view 'failures'"),
+        ("twice", "provide the same view 'failures'"),
         ("broken", r"view 'failures' of .* cannot be imported: ModuleNotFoundError"),
     ],
 )
