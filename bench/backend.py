@@ -69,7 +69,7 @@ class Workers:
         known = [name for name in {**BACKENDS, **EXTERNAL_BACKENDS} if name not in SHARED_MEMORY]
         if self.backend in SHARED_MEMORY:
             raise InputError(
-                f"backend {self.backend!r} runs jobs in one memory, where they would disturb each"
+                f"backend {self.backend!r} runs jobs in shared memory, where they would affect each"
                 f" other: choose from {', '.join(known)}"
             )
         if self.backend not in known:

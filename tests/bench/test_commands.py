@@ -1,4 +1,4 @@
-"""Commands of packages: folders on the path of a process of its own."""
+"""Commands of packages, which are folders on the path of a separate process."""
 
 import os
 import subprocess
@@ -19,7 +19,7 @@ BROKEN = {
 
 @pytest.fixture
 def run(tmp_path):
-    """Runs `bench` with packages, by name what their command is called and their module."""
+    """Runs `bench` with packages, given by name with their command and module."""
 
     def call(packages, *words):
         for package, (command, text) in packages.items():
@@ -44,7 +44,7 @@ def run(tmp_path):
     return call
 
 
-def test_a_command_of_a_package_is_run(run):
+def test_a_command_of_a_package_runs(run):
     assert run({"good": ("hello", WORKS)}, "hello") == (0, "hello\n", "")
 
 

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
 
 def without_motions(files):
-    """What a report on packed results has: motions are predicted by fits, which are not packed."""
+    """Files of a report on packed results: motions need fits, which are not packed."""
     return {name: digest for name, digest in files.items() if "/motions." not in name}
 
 
