@@ -26,9 +26,9 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Choice:
-    """The size of a method on a task that is still to be chosen.
+    """A size of a method on a task that is still to be chosen.
 
-    It has a place among the jobs of a run, which makes the choice itself, between two jobs.
+    It waits in the queue among the jobs of a run. The process of the run makes the choice.
     """
 
     pair: Pair
@@ -47,7 +47,7 @@ class Choice:
 
     @property
     def makes(self) -> tuple[str, ...]:
-        """What the jobs wait for that depend on the choice."""
+        """The key for which the jobs wait that depend on the choice."""
         return (self.label,)
 
     @cached_property

@@ -16,9 +16,9 @@ class Gap(NamedTuple):
     """The missing episodes of an evaluation."""
 
     kept: int
-    """Stored episodes that stay: whole chunks."""
+    """Stored episodes that are kept: whole chunks."""
     wanted: int
-    """Episodes that there will be."""
+    """Episodes after the gap is filled."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Names of stored results, and where they lie in a results folder.
+"""Names of stored results, and their places in a results folder.
 
 A results folder holds::
 
@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 KEY_DIGITS = 12
 CONDITIONS = ("split", "physics", "controller", "rule")
-"""The fields that tell the evaluations of a fit apart."""
+"""The fields that distinguish the evaluations of a fit."""
 MANIFEST = "study.json"
 
 

@@ -48,7 +48,7 @@ class Fit:
     demos_key: str
     """Key of the demonstrations, see `tasks.demos.demos_key`."""
     settings: str = ""
-    """What `--set` has changed of the config, such as ``hidden=64``, see `bench.labels`."""
+    """Fields of the config that `--set` changed, such as ``hidden=64``, see `bench.labels`."""
 
     @cached_property
     def key(self) -> str:
@@ -121,7 +121,7 @@ class Evaluation:
 
     @property
     def name(self) -> str:
-        """The name of its file, without ending."""
+        """The name of its file, without extension."""
         return evaluation_name(asdict(self))
 
     def key(self, fit: Fit) -> str:
@@ -152,7 +152,7 @@ class ControllerSpec:
     """Key of the demonstrations; of the suite's own if the controller learns from new rollouts of
     the expert."""
     physics: str = NOMINAL
-    """Where the rollouts that it learns from are recorded."""
+    """Physics in which the rollouts that it learns from are recorded."""
     seed: int = FIRST_SEED
 
     def __post_init__(self) -> None:
@@ -172,7 +172,7 @@ class ControllerSpec:
 
     @property
     def name(self) -> str:
-        """What its evaluations call it."""
+        """Its name in evaluations."""
         return controller_name(self.kind, self.seed)
 
     @property
