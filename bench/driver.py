@@ -34,7 +34,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     If the study compares sizes, the best size of each method is used in the other experiments.
 
     Args:
-        study: what is run.
+        study: the study.
         folder: the results folder, made if needed.
         where: where jobs run.
 
@@ -53,7 +53,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     with _running(folder, where, str(folder)) as runner:
         study = _admit(study, runner)
         if study.methods or study.expert:
-            say("looking for what is missing")
+            say("looking for missing results")
             agenda = make_agenda(study, keys, runner.results)
             runner.check(agenda.cells)
             runner.copy_trained(agenda.cells)

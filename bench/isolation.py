@@ -147,14 +147,14 @@ def _answer(
     """The bytes that the process sends, or a failure that says why it sends nothing."""
     ready = wait([here, process.sentinel], limit)
     if not ready:
-        return Failure(f"it took more than {limit / 60:g} minutes, the limit", "")
+        return Failure(f"it exceeded the limit of {limit / 60:g} minutes", "")
     with suppress(EOFError, OSError):
         if here.poll():
             return here.recv_bytes()
     process.join()
     code = process.exitcode or 0
     how = f"ended with exit code {code}" if code >= 0 else f"was killed by {_signal(-code)}"
-    return Failure(f"its process {how} before it answered", "", died=True)
+    return Failure(f"its process {how} before it returned a result", "", died=True)
 
 
 def _signal(number: int) -> str:

@@ -93,7 +93,7 @@ class JobQueue:
 
     @_locked
     def add(self, jobs: Iterable[Job]) -> None:
-        """Adds jobs, except those that make or need what has failed, or make what others make."""
+        """Adds jobs, except those that make or need a failed result or make a result of others."""
         for job in jobs:
             failed = self.failed.intersection((*job.makes, *job.needs))
             if not failed and self._makers.keys().isdisjoint(job.makes):

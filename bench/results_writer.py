@@ -156,13 +156,13 @@ class ResultsWriter:
             self._set_aside(path)
 
     def write(self, path: Path, content: bytes) -> None:
-        """Writes a file of the results folder, all of it or nothing; sets aside a damaged one."""
+        """Writes a file of the results folder, whole or not at all; sets aside a damaged one."""
         if path in self.results.damaged:
             self._set_aside(path)
         write_file(path, content, self.folder / _UNFINISHED)
 
     def write_folder(self, folder: Path, files: Mapping[str, bytes]) -> None:
-        """Writes a folder of the results folder, all of it or nothing; sets aside what is there."""
+        """Writes a subfolder, whole or not at all; sets aside an existing one."""
         if folder.exists():
             self._set_aside(folder)
         write_folder(folder, files, self.folder / _UNFINISHED)

@@ -53,7 +53,7 @@ class Runner:
         interrupts: Interrupts,
         introduce: Callable[[type[Method]], None],
     ) -> None:
-        """Takes what a run works with.
+        """Makes a runner without jobs.
 
         Args:
             writer: of the results folder.
@@ -203,6 +203,6 @@ class Runner:
         self._writer.clear_failure(label)
 
     def outcome(self) -> Outcome:
-        """Returns what was done."""
+        """Returns the outcome."""
         failed = tuple(f"{label}: {reason}" for label, reason in self._failed.items())
         return Outcome(self.results.folder, self._done, len(self._cells), failed)

@@ -181,7 +181,7 @@ def write_file(path: Path, content: bytes, unfinished: Path) -> None:
 
     Args:
         path: of the file, which is replaced.
-        content: what it will hold.
+        content: its new content.
         unfinished: a folder on the same disk for incomplete files, created if needed.
     """
     temporary = unfinished / f"{path.parent.name}-{path.name}"

@@ -34,7 +34,7 @@ EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("t
 
 @dataclass(frozen=True)
 class Fit:
-    """A method with everything that decides what it learns."""
+    """A method with every value that affects what it learns."""
 
     task: str
     method: str
@@ -136,7 +136,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A tracking controller with everything that decides what it learns.
+    """A tracking controller with every value that affects what it learns.
 
     Raises:
         InputError: there is no such kind, or controllers of that kind do not learn in that physics.

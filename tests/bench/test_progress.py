@@ -187,7 +187,7 @@ class TestRuns:
         out = str(tmp_path / "results")
         for command, said in (
             (("plan", "smoke", "--out", out, "--json"), "measuring how fast this machine is"),
-            (("run", "smoke", "--out", out, "--jobs", "1"), "looking for what is missing"),
+            (("run", "smoke", "--out", out, "--jobs", "1"), "looking for missing results"),
             (("demos", "make", "door"), "recording the expert's demonstrations of door"),
             (("time", out), "timing the fit of door-kodex"),
             (("verify", out, "--cells", "1", "--jobs", "1", "--json"), "reading results"),
