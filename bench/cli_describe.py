@@ -59,7 +59,7 @@ def describe(
 
 def _print_task(facts: dict[str, Any]) -> None:
     print(f"{facts['name']}: {facts['summary']}")
-    print(f"T = {facts['horizon']} states, one control step of 10 ms apart")
+    print(f"T = {facts['horizon']} states, 10 ms (one control step) apart")
     print("H = {robot_dim} joints, O = {object_dim}, A = {action_dim} actuators".format(**facts))
     print(f"success: {facts['success']}")
     print(f"model: {facts['model_file']}, SHA-256 {facts['model_hash']}\n")

@@ -60,7 +60,7 @@ def _show(method: str, checked: "Checked", seconds: float) -> None:
     if held.any():
         print(fill(f"ok     {', '.join(held.index[held])}", width=99, subsequent_indent=" " * 7))
     if checked.lines:
-        print(f"It printed {count_of(checked.lines, 'line')}, which begin:")
+        print(f"It printed {count_of(checked.lines, 'line')}; the first are:")
         for line in checked.printed:
             print(f"       | {line}")
 

@@ -46,7 +46,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     """
     where.check()
     if study.demos < 1 or study.demos > TRAINING:
-        raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
+        raise InputError(f"a study trains on 1 to {TRAINING} demonstrations, got {study.demos}")
     keys = demos_keys_of(study)
     if not guests(study.methods):
         cells_of(study, keys)  # so that bad names are refused before a folder is created

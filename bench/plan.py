@@ -69,8 +69,8 @@ class Plan:
         """Raises InputError if memory or disk does not suffice."""
         if self.disk_gib > self.free_gib:
             raise InputError(
-                f"the results take about {self.disk_gib:.1f} GiB, but {self.free_gib:.1f} GiB are"
-                " free: choose fewer episodes, or another folder"
+                f"the results take about {self.disk_gib:.1f} GiB, but only {self.free_gib:.1f} GiB"
+                " are free: choose fewer episodes, or another folder"
             )
         if self.memory_gib > total_memory():
             raise InputError(

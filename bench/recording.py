@@ -101,7 +101,7 @@ def load_policy(place: str) -> Any:
     if not (callable(policy) or callable(getattr(policy, "act", None))):
         raise InputError(
             f"{place} is a {type(policy).__name__}: a policy is a function act(state, t), or an"
-            " object with such a method"
+            " object with a method act"
         )
     return policy
 

@@ -136,7 +136,7 @@ class Results:
             record = self._learnt(folder, CONTROLLER)
             if record and record["key"] == key:
                 return dict(record["spec"])
-        raise InputError(f"{self.folder} has lost the controller {key}: run the study again")
+        raise InputError(f"{self.folder} lacks the controller {key}: run the study again")
 
     def facts(self, folder: str) -> dict[str, Any]:
         """See `bench.source.Source.facts`."""

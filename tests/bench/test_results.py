@@ -34,7 +34,7 @@ def test_a_row_of_the_frame_leads_to_outcomes_readings_diagnostics_and_facts(sto
 
 def test_a_stored_controller_is_read_as_written(stored):
     assert not stored.results.has_controller(stored.controller)
-    with pytest.raises(InputError, match="has lost the controller"):
+    with pytest.raises(InputError, match="lacks the controller"):
         stored.results.controller_spec(stored.controller.key)
     stored.writer.add_controller(stored.controller, stored.weights, {})
     results = stored.results
