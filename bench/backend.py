@@ -176,7 +176,7 @@ def answers(supply: Supply, where: Workers, interrupts: Interrupts) -> Iterator[
 
 @dataclass
 class _Sending:
-    """What a pool of workers sends."""
+    """The jobs that a pool of workers gets."""
 
     supply: Supply
     where: Workers
@@ -184,7 +184,7 @@ class _Sending:
     pending: dict[str, None] = field(default_factory=dict)
     """Names of the jobs that were sent and have not been answered."""
     error: Exception | None = None
-    """What the supply has raised."""
+    """The error that the supply raised."""
 
     def tasks(self) -> Iterator[Any]:
         """Yields what joblib sends, one whenever a worker is free."""
@@ -225,7 +225,7 @@ def _pooled(sending: _Sending) -> Iterator[tuple[str, Answer]]:
 
 
 def _idle() -> tuple[str, None]:
-    """What a worker does while all jobs that are left wait for others."""
+    """Keeps a worker busy while all remaining jobs wait for the results of others."""
     sleep(IDLE)
     return "", None
 

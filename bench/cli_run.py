@@ -46,7 +46,11 @@ def run(
         ),
     ] = 720,
 ) -> None:
-    """Run a study: fit methods and evaluate them. Only missing results are computed."""
+    """Run a study: fit methods and evaluate them. Only missing results are computed.
+
+    The output counts cells: a cell is one fit, evaluated in one set of
+    conditions.
+    """
     from bench.backend import Workers
     from bench.cores import count_jobs
 
@@ -119,8 +123,8 @@ def plan(
 ) -> None:
     """Estimate time, memory and disk of a study on this machine.
 
-    Takes the options of `bench run`. The first call measures the machine's speed, in seconds.
-    Methods of packages are measured on each call.
+    Takes the options of `bench run`. The first call measures the machine's speed,
+    in seconds. Methods of packages are measured on each call.
     """
     from bench.cores import count_jobs
     from bench.doing import doing

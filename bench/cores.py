@@ -1,4 +1,4 @@
-"""How many processes and threads a run uses."""
+"""Numbers of processes and threads of a run."""
 
 import os
 

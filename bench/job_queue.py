@@ -24,7 +24,7 @@ class Job(Protocol):
 
     @property
     def kind(self) -> str:
-        """What it makes, in the plural."""
+        """The kind of its results, in the plural."""
 
     @property
     def label(self) -> str:
@@ -32,7 +32,7 @@ class Job(Protocol):
 
     @property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
 
     @property
     def makes(self) -> Sequence[str]:

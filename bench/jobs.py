@@ -50,7 +50,7 @@ class ControllerJob:
 
     @cached_property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
         return controller_cost(self.spec)
 
     def parts(self) -> Sequence["ControllerJob"]:
@@ -96,7 +96,7 @@ class FitJob:
 
     @cached_property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
         return fit_cost(self.fits)
 
     def parts(self) -> Sequence["FitJob"]:
@@ -159,7 +159,7 @@ class EvaluationJob:
 
     @cached_property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
         return evaluation_cost(self.cell.evaluation, self.episodes, self.threads)
 
     def parts(self) -> Sequence["EvaluationJob"]:

@@ -12,7 +12,7 @@ from tasks.registry import TASKS
 
 @dataclass(frozen=True)
 class Study:
-    """What a run computes. `bench.experiments` turns it into cells."""
+    """The settings of a run. `bench.experiments` turns them into cells."""
 
     episodes: Mapping[str, int]
     """By experiment, the episodes of each evaluation. Only the experiments named here run."""

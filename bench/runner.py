@@ -29,7 +29,7 @@ from methods.description import stand_in
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run did."""
+    """The outcome of a run."""
 
     folder: Path
     done: int

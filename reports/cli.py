@@ -185,8 +185,8 @@ def verify(
 ) -> None:
     """Repeat some stored fits and evaluations, and compare them with the stored results.
 
-    Exit code 3 if one differs too much: its success is outside the 95% interval of the stored
-    one.
+    Exit code 3 if one differs too much: its success is outside the 95% interval
+    of the stored one.
     """
     from bench.backend import Workers
     from bench.cores import count_jobs

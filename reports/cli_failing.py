@@ -42,8 +42,8 @@ def failures(
 ) -> None:
     """Show which starts fail and how, in a table and a picture for each task.
 
-    Replays failed episodes to find how they failed. Packed results hold no fits, so they cannot be
-    replayed.
+    Replays failed episodes to find how they failed. Packed results hold no fits,
+    so they cannot be replayed.
     """
     import pandas as pd
 
