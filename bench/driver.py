@@ -1,4 +1,4 @@
-"""Run a study: work out its cells and let a `Runner` make what is missing of them."""
+"""Runs a study: lists its cells and lets a `Runner` compute the missing results."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -29,31 +29,31 @@ from tasks.words import count_of
 
 
 def run(study: Study, folder: Path, where: Workers) -> Outcome:
-    """Computes and stores what is missing of a study. The same call resumes it.
+    """Computes and stores the missing results of a study. Repeat the call to resume.
 
-    Where the study compares sizes, the best size of each method is used in the other experiments.
+    If the study compares sizes, the best size of each method is used in the other experiments.
 
     Args:
-        study: what is run.
+        study: the study.
         folder: the results folder, made if needed.
         where: where jobs run.
 
     Raises:
-        InputError: the study names something that does not exist, there is no such backend, another
-            run writes to the folder, or it holds results of a controller that was trained
-            otherwise.
+        InputError: the study names something that does not exist, there is no such backend,
+            another run writes to the folder, or its results used controllers with other training
+            settings.
         KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
     """
     where.check()
     if study.demos < 1 or study.demos > TRAINING:
-        raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
+        raise InputError(f"a study trains on 1 to {TRAINING} demonstrations, got {study.demos}")
     keys = demos_keys_of(study)
     if not guests(study.methods):
-        cells_of(study, keys)  # refuses what does not exist before a folder is made
+        cells_of(study, keys)  # so that bad names are refused before a folder is created
     with _running(folder, where, str(folder)) as runner:
         study = _admit(study, runner)
         if study.methods or study.expert:
-            say("looking for what is missing")
+            say("looking for missing results")
             agenda = make_agenda(study, keys, runner.results)
             runner.check(agenda.cells)
             runner.copy_trained(agenda.cells)
@@ -65,7 +65,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
-    """Computes and stores some cells, and trains their controllers anew, see `run`."""
+    """Computes and stores cells like `run`, but trains their controllers again."""
     methods = dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
     with _running(folder, where, f"{count_of(len(cells), 'evaluation')} again") as runner:
         names = guests(methods)
@@ -77,7 +77,7 @@ def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
 
 
 def _admit(study: Study, runner: Runner) -> Study:
-    """Returns the study without the methods that cannot be used; those count as failed."""
+    """Returns the study without methods that cannot be used; these count as failed."""
     names = guests(study.methods)
     failures = runner.meet(names, admissions(study, names))
     for name, failure in failures.items():

@@ -1,4 +1,4 @@
-"""When, where and with which versions a result was made: stored beside it, not part of its key."""
+"""When, where and with which versions a result was made. It is stored, but not part of keys."""
 
 import platform
 import time
@@ -11,7 +11,7 @@ LIBRARIES = ("kodex-bench", "mujoco", "numpy", "scipy", "torch")
 
 
 def provenance(seconds: float) -> dict[str, Any]:
-    """Returns the facts about a result that took so many CPU seconds."""
+    """Returns the facts about a result, including the CPU seconds that it took."""
     return {
         "seconds": round(seconds, 3),
         "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),

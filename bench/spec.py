@@ -34,7 +34,7 @@ EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("t
 
 @dataclass(frozen=True)
 class Fit:
-    """A method with everything that decides what it learns."""
+    """A method with every value that affects what it learns."""
 
     task: str
     method: str
@@ -48,7 +48,7 @@ class Fit:
     demos_key: str
     """Key of the demonstrations, see `tasks.demos.demos_key`."""
     settings: str = ""
-    """What `--set` has changed of the config, such as ``hidden=64``, see `bench.labels`."""
+    """Fields of the config that `--set` changed, such as ``hidden=64``, see `bench.labels`."""
 
     @cached_property
     def key(self) -> str:
@@ -106,7 +106,7 @@ class Evaluation:
     split: str
     physics: str = NOMINAL
     controller: str = ORIGINAL
-    """Name of the controller that tracks a predicted motion; none for what acts by itself."""
+    """Name of the controller that tracks a predicted motion; ``none`` if no controller is used."""
     controller_key: str = ""
     rule: str = APPENDIX
     """The rule that decides on success."""
@@ -121,7 +121,7 @@ class Evaluation:
 
     @property
     def name(self) -> str:
-        """The name of its file, without ending."""
+        """The name of its file, without extension."""
         return evaluation_name(asdict(self))
 
     def key(self, fit: Fit) -> str:
@@ -136,7 +136,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A tracking controller with everything that decides what it learns.
+    """A tracking controller with every value that affects what it learns.
 
     Raises:
         InputError: there is no such kind, or controllers of that kind do not learn in that physics.
@@ -152,7 +152,7 @@ class ControllerSpec:
     """Key of the demonstrations; of the suite's own if the controller learns from new rollouts of
     the expert."""
     physics: str = NOMINAL
-    """Where the rollouts that it learns from are recorded."""
+    """Physics in which the rollouts that it learns from are recorded."""
     seed: int = FIRST_SEED
 
     def __post_init__(self) -> None:
@@ -172,7 +172,7 @@ class ControllerSpec:
 
     @property
     def name(self) -> str:
-        """What its evaluations call it."""
+        """Its name in evaluations."""
         return controller_name(self.kind, self.seed)
 
     @property

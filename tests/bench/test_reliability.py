@@ -1,6 +1,6 @@
-"""Harm done to a run or to its results, at random moments and places; --times says how often.
+"""Interrupts runs and damages results, at random moments and places; --times sets how often.
 
-Whatever happens, the same command goes on, and ends with the files of a run that was let be.
+In every case the same command resumes, and ends with the files of an undisturbed run.
 """
 
 import errno
@@ -60,7 +60,7 @@ def same(uninterrupted, files_of):
 PLACES = (("loky", 2, 2), ("dask", 2, 2), ("loky", 4, 1), ("loky", 1, 2), ("sequential", 1, 2))
 
 
-def test_jobs_threads_and_backends_make_no_difference(same, tmp_path, times, figure):
+def test_jobs_threads_and_backends_do_not_change_results(same, tmp_path, times, figure):
     places = PLACES[: 2 if times == 1 else None]
     for backend, jobs, threads in places:
         out = tmp_path / f"{backend}-{jobs}-{threads}"
@@ -71,7 +71,7 @@ def test_jobs_threads_and_backends_make_no_difference(same, tmp_path, times, fig
 
 
 @pytest.mark.parametrize("harm", [signal.SIGKILL, signal.SIGINT])
-def test_a_run_that_is_stopped_goes_on(
+def test_a_stopped_run_resumes(
     same, uninterrupted, files_of, ends_within, tmp_path, times, harm, figure
 ):
     draw = random.Random(int(harm))
@@ -117,7 +117,7 @@ def whole(study, tmp_path):
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO])
-def test_a_write_that_fails_leaves_nothing_torn(
+def test_a_failed_write_leaves_no_partial_file(
     task, smoke, bench, whole, files_of, tmp_path, monkeypatch, times, error, figure
 ):
     flush = os.fsync
@@ -148,7 +148,7 @@ def test_a_write_that_fails_leaves_nothing_torn(
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_whatever_is_damaged_is_set_aside_and_computed_again(
+def test_damaged_results_are_set_aside_and_computed_again(
     task, study, whole, files_of, times, capsys, figure
 ):
     draw = random.Random(2)
@@ -175,7 +175,7 @@ def test_whatever_is_damaged_is_set_aside_and_computed_again(
 
 
 def rates(folder):
-    """What tables are made from: the outcome of each stored evaluation."""
+    """The outcome of each stored evaluation, from which tables are made."""
     frame = StoredResults(folder).frame()
     if frame.empty:
         return {}
@@ -197,7 +197,7 @@ def emptied(draw, content):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_order_of_cells_makes_no_difference(
+def test_the_order_of_experiments_does_not_change_results(
     task, study, whole, files_of, tmp_path, times, figure
 ):
     experiments = list(study.episodes)
