@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import pandas as pd
 
 from bench.costs import Cost
+from bench.doing import say
 from bench.experiments import cells_of, first_wave
 from bench.missing import find_missing
 from bench.presets import Study
@@ -79,6 +80,8 @@ def make_agenda(study: Study, demos_keys: Mapping[str, str], results: Results) -
     Raises:
         InputError: see `bench.experiments.cells_of`.
     """
+    cells_of(study, demos_keys)  # bad options are refused before results are read
+    say("looking for missing results")
     first = _possible(first_wave(study, demos_keys))
     missing = find_missing(results, [cell.wanted for cell in first])
     open_pairs = {

@@ -10,7 +10,6 @@ from bench.admission import admissions, guests, introductions
 from bench.agenda import make_agenda
 from bench.backend import Workers, workers
 from bench.clock import Clock
-from bench.doing import say
 from bench.experiments import cells_of
 from bench.interrupts import Interrupts
 from bench.job_queue import JobQueue
@@ -53,7 +52,6 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     with _running(folder, where, str(folder)) as runner:
         study = _admit(study, runner)
         if study.methods or study.expert:
-            say("looking for missing results")
             agenda = make_agenda(study, keys, runner.results)
             runner.check(agenda.cells)
             runner.copy_trained(agenda.cells)

@@ -86,7 +86,6 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
 
 
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
-    say("listing missing results")
     results = Results(folder)
     agenda = make_agenda(study, demos_keys_of(study), results)
     queue = queue_of(agenda, results, jobs)
