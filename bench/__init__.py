@@ -76,8 +76,9 @@ def open(folder: str | Path | None = None) -> Opened:
 def load(folder: str | Path | None = None) -> pd.DataFrame:
     """Returns all stored episodes of a results folder in one table, one row each.
 
-    Columns: ``task``, ``method``, ``variant``, ``size``, ``demos``, ``seed``, ``split``,
-    ``physics``, ``controller``, ``rule``, ``start``, ``success``, ``diverged`` and ``steps``.
+    Columns: ``task``, ``method``, ``variant``, ``size``, ``demos``, ``held_out``, ``seed``,
+    ``split``, ``physics``, ``controller``, ``rule``, ``start``, ``success``, ``diverged`` and
+    ``steps``.
 
     Args:
         folder: results folder of `bench run` or `bench pack`. Default: the shipped results.
@@ -88,24 +89,26 @@ def load(folder: str | Path | None = None) -> pd.DataFrame:
     return open(folder).episodes
 
 
-def demos(task: str, file: str | Path | None = None) -> tuple[Demos, Demos]:
-    """Returns the training demonstrations of a task and its validation demonstrations.
+def demos(task: str, file: str | Path | None = None, seed: int = 1) -> tuple[Demos, Demos]:
+    """Returns a seed's training demonstrations of a task and its validation demonstrations.
 
     Args:
         task: name of a task.
         file: file of demonstrations, written by `bench demos record`. Default: the expert's
-            demonstrations, which the first call records within minutes.
+            demonstrations, which the first call records within a minute.
+        seed: of a study, from 1. Each has demonstrations of its own, or its own order of a file's.
 
     Raises:
         InputError: the task does not exist, or the file holds no demonstrations of it.
     """
-    from tasks.demos import load_demos, read_demos, split
+    from tasks.demos import load_demos, read_demos, shuffled, split
     from tasks.files import path_of
     from tasks.registry import get_task
 
     chosen = get_task(task)
-    found = load_demos(chosen) if file is None else read_demos(chosen, path_of("file", file))
-    return split(found)
+    if file is None:
+        return split(load_demos(chosen, seed))
+    return split(shuffled(read_demos(chosen, path_of("file", file)), seed))
 
 
 def demos_from_arrays(

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from bench.controller import FIRST_SEED
 from bench.controller_kinds import KINDS, NO_CONTROLLER, ORIGINAL
 from bench.presets import Study
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
@@ -22,7 +21,6 @@ class Conditions:
     physics: str = NOMINAL
     controller: str = ORIGINAL
     """Kind of the controller of a fit that needs one."""
-    controller_seed: int = FIRST_SEED
     rule: str = APPENDIX
     """The rule that decides on success."""
 
@@ -49,7 +47,7 @@ def _cell(study: Study, fit: Fit, place: Conditions, episodes: int) -> Cell:
         fit.task,
         place.split,
         place.physics,
-        controller.name if controller else NO_CONTROLLER,
+        controller.kind if controller else NO_CONTROLLER,
         controller.key if controller else "",
         place.rule,
     )
@@ -64,6 +62,6 @@ def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
         study.controller,
         study.demos,
         demos_key(get_task(fit.task)) if kind.records_expert else fit.demos_key,
+        fit.seed,
         place.physics if kind.changed_physics else NOMINAL,
-        place.controller_seed,
     )

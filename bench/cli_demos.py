@@ -1,6 +1,7 @@
 """`bench demos`: make, record, import and export demonstrations."""
 
 import sys
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ import typer
 from bench.doing import doing, say
 from bench.options import SOME_FAILED, TaskName, number
 from bench.parsing import known_names
+from bench.parsing import seeds as parse_seeds
 from tasks.files import new_path
 from tasks.registry import TASKS, get_task
 from tasks.words import count_of
@@ -37,21 +39,30 @@ def make(
     tasks: Annotated[
         list[str] | None, typer.Argument(help="Names of tasks, such as door tool. Default: all.")
     ] = None,
+    seeds: Annotated[
+        str, typer.Option(help="Seeds to record for, such as 5 (1 to 5) or 2,4.")
+    ] = "1",
 ) -> None:
-    """Record the expert's demonstrations, 200 to train on and 50 to validate, into the cache."""
+    """Record the expert's demonstrations into the cache: 250 for each seed.
+
+    200 of them are for training and 50 for validation.
+    """
     from tasks.demos import demos_path, load_demos, split
 
-    for name in known_names("TASKS", "task", ",".join(tasks or TASKS), TASKS):
+    chosen = known_names("TASKS", "task", ",".join(tasks or TASKS), TASKS)
+    for name, seed in product(chosen, parse_seeds(seeds)):
         task = get_task(name)
-        with doing(f"recording the expert's demonstrations of {name}"):
-            training, validation = map(len, split(load_demos(task)))
-        print(f"{name}: {training} + {validation} demonstrations in {demos_path(task)}", flush=True)
+        with doing(f"recording the expert's demonstrations of {name}, seed {seed}"):
+            training, validation = map(len, split(load_demos(task, seed)))
+        place = demos_path(task, seed)
+        print(f"{name}: {training} + {validation} demonstrations in {place}", flush=True)
 
 
 @app.command("export")
 def export_set(
     task: TaskName,
     folder: Annotated[Path, typer.Argument(help="New folder to write the data set to.")],
+    seed: Annotated[int, number(1, "Seed of the demonstrations.")] = 1,
 ) -> None:
     """Write the expert's demonstrations of a task to a new folder, as a Minari data set."""
     from tasks.demos import load_demos
@@ -60,7 +71,7 @@ def export_set(
     chosen = get_task(task)
     new_path(folder)
     with doing(f"recording the expert's demonstrations of {task}"):
-        demos = load_demos(chosen)
+        demos = load_demos(chosen, seed)
         say(f"writing {count_of(len(demos), 'demonstration')}")
         export_demos(chosen, demos, folder)
     print(f"wrote {count_of(len(demos), 'demonstration')} of {task} to {folder}")

@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bench.doing import doing
 from bench.options import AsJson, TaskName, number
+from bench.parsing import seeds as parse_seeds
 from tasks.errors import unknown_name
 from tasks.files import writable_folder
 from tasks.registry import get_task
@@ -136,9 +137,14 @@ def track(
             help="nominal, or a variation such as heavy_hand; see `bench describe TASK`."
         ),
     ],
-    episodes: Annotated[int, number(1, "Episodes, from the first starts of the split test.")] = 200,
+    episodes: Annotated[
+        int, number(1, "Episodes of each seed, from its first starts of the split test.")
+    ] = 200,
+    seeds: Annotated[
+        str, typer.Option(help="Seeds of the controllers, such as 5 (1 to 5) or 2,4.")
+    ] = "1",
 ) -> None:
-    """Measure each tracking controller on the expert's own motions.
+    """Measure the tracking controllers of some seeds on the expert's own motions.
 
     A perfect imitation would give these motions. Prints a JSON list.
     """
@@ -150,5 +156,5 @@ def track(
     if physics not in known:
         raise unknown_name("physics", physics, known)
     with doing(f"tracking the expert's motions on {task}"):
-        found = track_expert(chosen, physics, episodes, ControllerConfig())
+        found = track_expert(chosen, physics, episodes, ControllerConfig(), parse_seeds(seeds))
     print(json.dumps(found, indent=2))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.controller import Controller, train_controller
+from bench.controller import Controller, train_controllers
 from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit
@@ -36,15 +36,24 @@ class Fitted:
     """CPU seconds of this seed."""
 
 
-def fit_controller(spec: ControllerSpec, demos: Demos) -> list[Fitted]:
-    """Returns a controller's weights."""
-    began = time.process_time()
-    weights = train_controller(spec.config, demos, spec.task, spec.seed)
-    return [Fitted(to_bytes(weights), b"", time.process_time() - began)]
+def fit_controllers(specs: Sequence[ControllerSpec], demos: Sequence[Demos]) -> list[Fitted]:
+    """Returns the weights of controllers that differ only in their seeds, with their own data."""
+    began, first = time.process_time(), specs[0]
+    trained = train_controllers(first.config, demos, first.task, [spec.seed for spec in specs])
+    seconds = (time.process_time() - began) / len(specs)
+    return [Fitted(to_bytes(weights), b"", seconds) for weights in trained]
 
 
-def fit_methods(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fitted]:
-    """Returns what is learnt by each of the fits, which differ only in their seeds."""
+def fit_methods(
+    fits: Sequence[Fit], demos: Sequence[Demos], validation: Sequence[Demos]
+) -> list[Fitted]:
+    """Returns what is learnt by each of the fits, which differ only in their seeds.
+
+    Args:
+        fits: the fits.
+        demos: for each fit, its training demonstrations.
+        validation: for each fit, its validation demonstrations.
+    """
     first = fits[0]
     method, layout = get_method(first.method, first.variant), get_task(first.task).layout
     # A global random stream must not depend on which seeds are fitted together.
@@ -54,7 +63,9 @@ def fit_methods(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fi
         began = time.process_time()
         learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
         seconds = (time.process_time() - began) / len(fits)
-        return [_fitted(one, validation, seconds) for one in learnt]
+        return [
+            _fitted(one, unseen, seconds) for one, unseen in zip(learnt, validation, strict=True)
+        ]
 
 
 def _fitted(learnt: Learnt, validation: Demos, seconds: float) -> Fitted:

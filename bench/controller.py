@@ -1,9 +1,10 @@
 """The tracking controller C, which turns a predicted hand motion into actions.
 
-C maps the hand joints now and one step later to an action. It is trained once for each task on
-(x_r(t), x_r(t+1)) -> tau(t) of the demonstrations (appendix A, G), and serves every method.
+C maps the hand joints now and one step later to an action. It is trained once for each task and
+seed on (x_r(t), x_r(t+1)) -> tau(t) of the demonstrations (appendix A, G), and serves every method.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,9 +14,8 @@ from numpy.typing import NDArray
 from methods.base import Parameters
 from tasks.data import Demos, FloatArray
 
-VERSION = 1
+VERSION = 2
 """To be raised when a change of the code changes actions."""
-FIRST_SEED = 1
 
 _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
@@ -56,37 +56,61 @@ class Controller:
             return (x @ weight + bias).astype(np.float64)
 
 
-def train_controller(
-    config: ControllerConfig, demos: Demos, name: str, seed: int = FIRST_SEED
-) -> Parameters:
-    """Trains a controller and returns its weights after the last epoch.
+def train_controller(config: ControllerConfig, demos: Demos, name: str, seed: int) -> Parameters:
+    """Trains one controller, see `train_controllers`."""
+    return train_controllers(config, [demos], name, [seed])[0]
+
+
+def train_controllers(
+    config: ControllerConfig, demos: Sequence[Demos], name: str, seeds: Sequence[int]
+) -> list[Parameters]:
+    """Trains a controller for each seed and returns its weights after the last epoch.
+
+    Controllers with as many samples as others train together, which does not change their weights.
 
     Args:
         config: layers and schedule.
-        demos: hand motions are the inputs, actions the targets.
-        name: name of the task, on which the random stream depends.
-        seed: seed of the initial weights and the order of samples.
+        demos: for each seed, its demonstrations: hand motions are the inputs, actions the targets.
+        name: name of the task, on which the random streams depend.
+        seeds: seeds of the initial weights and the order of samples.
     """
+    found: dict[int, Parameters] = {}
+    for count in dict.fromkeys(map(len, demos)):
+        rows = [row for row, of_seed in enumerate(demos) if len(of_seed) == count]
+        chosen = [seeds[row] for row in rows]
+        trained = _train_together(config, [demos[row] for row in rows], name, chosen)
+        found |= dict(zip(rows, trained, strict=True))
+    return [found[row] for row in range(len(demos))]
+
+
+def _train_together(
+    config: ControllerConfig, demos: Sequence[Demos], name: str, seeds: Sequence[int]
+) -> Iterator[Parameters]:
     from methods.layers import mlp, mlp_weights
     from methods.training import Schedule, minimise
 
-    robot_dim, action_dim = demos.velocities.shape[-1], demos.actions.shape[-1]
-    q = demos.states[:, :, :robot_dim]
-    inputs = np.concatenate([q[:, :-1], q[:, 1:]], axis=-1).reshape(-1, 2 * robot_dim)
+    robot_dim, action_dim = demos[0].velocities.shape[-1], demos[0].actions.shape[-1]
     widths = (2 * robot_dim, *(factor * robot_dim for factor in config.hidden), action_dim)
-    (trained,) = minimise(
+    trained = minimise(
         draw=lambda rng: mlp_weights(rng, "layer", widths),
         loss=lambda weights, x, u: (
             (mlp(weights, "layer", x, len(widths) - 1) - u).square().mean(dim=(1, 2))
         ),
-        data=(inputs, demos.actions.reshape(-1, action_dim)),
+        data=map(_samples, demos),
         schedule=Schedule(
             epochs=config.epochs,
             batch_size=config.batch_size,
             learning_rate=config.learning_rate,
         ),
         name=f"controller of {name}",
-        seeds=[seed],
-        fill=False,  # as the shipped controllers were trained
+        seeds=seeds,
     )
-    return dict(trained.weights)
+    return (dict(one.weights) for one in trained)
+
+
+def _samples(demos: Demos) -> tuple[FloatArray, FloatArray]:
+    """Pairs of successive hand joints (N, 2 H), and actions (N, A)."""
+    robot_dim, action_dim = demos.velocities.shape[-1], demos.actions.shape[-1]
+    q = demos.states[:, :, :robot_dim]
+    pairs = np.concatenate([q[:, :-1], q[:, 1:]], axis=-1)
+    return pairs.reshape(-1, 2 * robot_dim), demos.actions.reshape(-1, action_dim)

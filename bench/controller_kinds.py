@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from bench.controller import FIRST_SEED
-
 NO_CONTROLLER = "none"
 """In place of a controller's name where the expert or the method computes actions itself."""
 ORIGINAL, UNCLIPPED, TUNED, ON_SUCCESSES = "original", "unclipped", "tuned", "tuned-on-successes"
@@ -57,18 +55,10 @@ KINDS = {
 """Every kind, by name."""
 
 
-def controller_name(kind: str, seed: int = FIRST_SEED) -> str:
-    """Returns the name of a controller in evaluations: its kind, and any seed after the first."""
-    return kind if seed == FIRST_SEED else f"{kind}-{seed}"
-
-
-RESEEDED = {seed: controller_name(ORIGINAL, seed) for seed in (2, 3, 4, 5)}
-"""By seed, the names of controllers that differ from the original only in random numbers."""
-AUDITED = (UNCLIPPED, ON_SUCCESSES, *RESEEDED.values())
-"""The names of the controllers that only the experiment ``audit`` evaluates."""
+AUDITED = (UNCLIPPED, ON_SUCCESSES)
+"""The kinds of controllers that only the experiment ``audit`` evaluates."""
 ABOUT = {
     NO_CONTROLLER: "no controller: the expert and closed-loop methods act themselves",
     **{kind.name: kind.about for kind in KINDS.values()},
-    **dict.fromkeys(RESEEDED.values(), "as original, with other random numbers"),
 }
-"""Descriptions of controllers, by name."""
+"""Descriptions of controllers, by kind."""

@@ -78,11 +78,12 @@ def fit_cost(fits: Sequence[Fit]) -> Cost:
     return Cost(kind, JOB_SECONDS + seconds, found is not None, len(fits))
 
 
-def controller_cost(spec: ControllerSpec) -> Cost:
-    """Returns the cost of the job that trains a controller."""
-    price = _price(spec.task, CONTROLLER, "", "", 1)
-    seconds = price.seconds(spec.demos, spec.config.epochs) if price else 0.0
-    return Cost(CONTROLLER, JOB_SECONDS + seconds, price is not None)
+def controller_cost(specs: Sequence[ControllerSpec]) -> Cost:
+    """Returns the cost of a job that trains controllers which differ only in their seeds."""
+    first, count = specs[0], len(specs)
+    price = _price(first.task, CONTROLLER, "", "", count)
+    seconds = price.seconds(first.demos, first.config.epochs) if price else 0.0
+    return Cost(CONTROLLER, JOB_SECONDS + seconds, price is not None, count)
 
 
 def evaluation_cost(evaluation: Evaluation, episodes: int, threads: int = 1) -> Cost:

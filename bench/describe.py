@@ -67,7 +67,7 @@ def _method(name: str) -> dict[str, Any]:
         "summary": getattr(method, "summary", ""),
         "version": method.version,
         "predicts": "motions" if issubclass(method, MotionMethod) else "actions",
-        "seeds": not method.deterministic,
+        "validates": method.validates,
         "sizes": {size: asdict(config) for size, config in method.sizes.items()},
         "default_size": dict(method.default_size),
         "variants": {variant: dict(changes) for variant, changes in method.variants.items()},

@@ -116,7 +116,7 @@ def _experts() -> list[dict[str, Any]]:
         task = get_task(name)
         try:
             load_expert(task)
-            made = demos_path(task).exists()
+            made = demos_path(task, 1).exists()
             found = "expert shipped, demonstrations " + ("made" if made else "not made yet")
             rows.append({"what": name, "found": found, "advice": ""})
         except InputError as error:

@@ -24,7 +24,9 @@ def chosen_fits(study: Study, chosen: Sizes) -> list[Fit]:
     for task in study.tasks:
         if study.expert:
             own = demos_key(get_task(task))
-            fits.append(Fit(task, EXPERT, "described", "single", {}, 0, 0, own))
+            fits += [
+                Fit(task, EXPERT, "described", "single", {}, 0, seed, own) for seed in study.seeds
+            ]
         for name in study.methods:
             fits += fits_of(study, task, name, used_size(study, get_method(name), task, chosen))
     return fits
@@ -73,6 +75,17 @@ def every_fit(study: Study, name: str) -> list[Fit]:
     ]
 
 
+def held_out(fit: Fit) -> Fit:
+    """Returns a fit that has N demonstrations in all.
+
+    A method that chooses by validation holds out a fifth of them.
+    """
+    if not get_method(fit.method, fit.variant).validates:
+        return fit
+    count = max(1, fit.demos // 5)
+    return replace(fit, demos=fit.demos - count, held_out=count)
+
+
 def compared_variants(study: Study, method: type[Method]) -> list[str]:
     """Returns the variants that ``audit`` compares. Sets of observables are left to ``lifting``."""
     if study.variants is not None:
@@ -93,7 +106,7 @@ def fits_of(
         config = resolved(_with_settings(study, method, plain))
         before = resolved(plain)
         changed = {field: value for field, value in config.items() if value != before.get(field)}
-        for seed in (0,) if method.deterministic else study.seeds:
+        for seed in study.seeds:
             place = (task, name, variant, size, config, study.demos, seed)
             yield Fit(*place, demonstrations, as_text(changed))
 

@@ -16,9 +16,6 @@ from methods.registry import get_method
 from tasks.errors import InputError, unknown_name
 from tasks.registry import get_task
 
-ANY_SEED = 0
-"""Seed of the single fit of a deterministic method, which stands for all seeds."""
-
 
 class Methods(Mapping[str, Method]):
     """Fitted methods of a task by name, each loaded when it is looked up.
@@ -69,7 +66,7 @@ class Methods(Mapping[str, Method]):
             raise unknown_name(f"size of {name} in these results", size, sizes)
         seeds = sorted(rows.seed.unique())
         seed = seeds[0] if self._seed is None else self._seed
-        rows = rows[rows.seed.isin([ANY_SEED, seed])]
+        rows = rows[rows.seed == seed]
         if rows.empty:
             raise unknown_name(f"seed of {name} in these results", seed, map(str, seeds))
         return dict(rows.to_dict("records")[0])

@@ -7,66 +7,71 @@ process, and a method that stores its result.
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 from bench.backend import Call
-from bench.computing import Fitted, evaluate, fit_controller, fit_methods
+from bench.computing import Fitted, evaluate, fit_controllers, fit_methods
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
 from bench.missing import Missing
 from bench.provenance import provenance
 from bench.results import Results
 from bench.results_writer import ResultsWriter
-from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit, controller_blocks, seed_blocks
 from bench.trained import keep
 from bench.training_data import controller_demos, starts_of, training_demos, validation_demos
 from tasks.data import Episodes
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
 class ControllerJob:
-    """Trains a tracking controller."""
+    """Trains a tracking controller, for one seed or several together."""
 
-    spec: ControllerSpec
+    specs: tuple[ControllerSpec, ...]
+    """They differ only in their seeds."""
     cached: bool
-    """Whether the controller is also stored in the cache."""
+    """Whether the controllers are also stored in the cache."""
     kind: ClassVar = "controllers"
     needs: ClassVar[tuple[str, ...]] = ()
     after: ClassVar[tuple[str, ...]] = ()
 
     @property
     def label(self) -> str:
-        """A name for people."""
-        return self.spec.label
+        """A name for people; of several controllers, with all seeds."""
+        return self.specs[0].label + "".join(f",{spec.seed}" for spec in self.specs[1:])
 
     @property
     def labels(self) -> list[str]:
         """The label of each of its results."""
-        return [self.label]
+        return [spec.label for spec in self.specs]
 
-    @property
+    @cached_property
     def makes(self) -> tuple[str, ...]:
-        """The key of the controller."""
-        return (self.spec.key,)
+        """The keys of the controllers."""
+        return tuple(spec.key for spec in self.specs)
 
     @cached_property
     def cost(self) -> Cost:
         """The expected cost on the reference machine."""
-        return controller_cost(self.spec)
+        return controller_cost(self.specs)
 
     def parts(self) -> Sequence["ControllerJob"]:
-        """Returns itself."""
-        return [self]
+        """Returns two jobs of half the seeds each; itself if there is one seed."""
+        return [ControllerJob(specs, self.cached) for specs in _halves(self.specs)]
 
     def call(self, results: Results) -> Call:
         """Returns what to call in the process of the job; makes demonstrations if needed."""
-        return self.label, fit_controller, (self.spec, controller_demos(self.spec))
+        demos = [controller_demos(spec) for spec in self.specs]
+        return self.label, fit_controllers, (self.specs, demos)
 
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
-        facts = provenance(result[0].seconds)
-        writer.add_controller(self.spec, result[0].parameters, facts)
-        if self.cached:
-            keep(self.spec, result[0].parameters, facts)
+        for spec, made in zip(self.specs, result, strict=True):
+            facts = provenance(made.seconds)
+            writer.add_controller(spec, made.parameters, facts)
+            if self.cached:
+                keep(spec, made.parameters, facts)
 
 
 @dataclass(frozen=True)
@@ -101,15 +106,13 @@ class FitJob:
 
     def parts(self) -> Sequence["FitJob"]:
         """Returns two jobs of half the seeds each; itself if there is one seed."""
-        half = (len(self.fits) + 1) // 2
-        halves = self.fits[:half], self.fits[half:]
-        return [FitJob(fits, self.after) for fits in halves if fits]
+        return [FitJob(fits, self.after) for fits in _halves(self.fits)]
 
     def call(self, results: Results) -> Call:
         """Returns what to call in the process of the job; makes demonstrations if needed."""
-        first = self.fits[0]
-        arguments = (self.fits, training_demos(first), validation_demos(first))
-        return self.label, fit_methods, arguments
+        demos = [training_demos(fit) for fit in self.fits]
+        validation = [validation_demos(fit) for fit in self.fits]
+        return self.label, fit_methods, (self.fits, demos, validation)
 
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
@@ -177,6 +180,12 @@ class EvaluationJob:
         writer.add_episodes(self.cell.fit, self.cell.evaluation, result[0], self.kept)
 
 
+def _halves(items: tuple[T, ...]) -> list[tuple[T, ...]]:
+    """Two halves; a single item is not divided."""
+    half = (len(items) + 1) // 2
+    return [part for part in (items[:half], items[half:]) if part]
+
+
 RunJob = ControllerJob | FitJob | EvaluationJob
 
 
@@ -210,10 +219,9 @@ def jobs_of(
     cells, order = list(cells), tuple(sorted(after))
     controllers = {c.key: c for cell in cells if (c := cell.controller)}
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
+    untrained = [spec for key, spec in controllers.items() if key in missing.controllers]
     jobs: list[RunJob] = [
-        ControllerJob(spec, cached)
-        for key, spec in controllers.items()
-        if key in missing.controllers
+        ControllerJob(tuple(block), cached) for block in controller_blocks(untrained)
     ]
     blocks = seed_blocks(fit for key, fit in fits.items() if key in missing.fits)
     jobs += [FitJob(tuple(block), order) for block in blocks]

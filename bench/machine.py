@@ -82,7 +82,7 @@ def calibrate() -> float:
     with threadpool_limits(1):
         began = process_time()
         rollout(task, starts, expert, chunk=EPISODES, threads=1, whole=True)
-        train_controller(ControllerConfig(epochs=20), demos, "calibration")
+        train_controller(ControllerConfig(epochs=20), demos, "calibration", 1)
         _fit_lstm(demos, validation)
         return process_time() - began
 
@@ -98,7 +98,7 @@ def _fit_lstm(demos: Demos, validation: Demos) -> None:
 @cache
 def warm_up() -> None:
     """Trains once, since the first training of a process also imports torch and gets memory."""
-    train_controller(ControllerConfig(epochs=1), random_demos("door")[0], "calibration")
+    train_controller(ControllerConfig(epochs=1), random_demos("door")[0], "calibration", 1)
 
 
 @cache

@@ -12,11 +12,11 @@ from time import process_time
 
 from threadpoolctl import threadpool_limits
 
-from bench.controller import ControllerConfig, train_controller
+from bench.controller import ControllerConfig, train_controllers
 from bench.costs import CALIBRATION, CONTROLLER, MANY, Price, write_table
 from bench.machine import calibrate, describe_machine, warm_up
 from bench.spec import EXPERT
-from methods.base import config_of
+from methods.base import config_of, fits_together
 from methods.registry import SUITE, get_method
 from tasks.data import Demos
 from tasks.demos import load_demos, split
@@ -41,7 +41,9 @@ def measure(tasks: Sequence[str] = TASKS) -> Iterator[Price]:
     yield Price("", CALIBRATION, "", "", 1, min(calibrate() for _ in range(3)), 0.0, 0.0)
     for task in tasks:
         yield Price(task, EXPERT, "", "", 1, 0.0, 0.0, _episode_seconds(task))
-        yield Price(task, CONTROLLER, "", "", 1, *_training_seconds(task, _controller))
+        for seeds in (1, MANY):
+            train = partial(_controllers, seeds)
+            yield Price(task, CONTROLLER, "", "", seeds, *_training_seconds(task, train))
         for name in SUITE:
             yield from _fit_prices(task, name)
 
@@ -54,22 +56,24 @@ def _episode_seconds(name: str) -> float:
     return _seconds(whole) / EPISODES
 
 
-def _controller(demos: Demos, epochs: int) -> None:
-    train_controller(ControllerConfig(epochs=epochs), demos, "calibration")
+def _controllers(seeds: int, demos: Demos, epochs: int) -> None:
+    config, numbers = ControllerConfig(epochs=epochs), range(1, seeds + 1)
+    train_controllers(config, [demos] * seeds, "calibration", numbers)
 
 
 def _fit_prices(task: str, name: str) -> Iterator[Price]:
     layout, (_, validation) = get_task(task).layout, split(load_demos(get_task(task)))
     for variant in get_method(name).variants:
         method = get_method(name, variant)
-        counts = (1,) if method.deterministic else (1, MANY)
+        counts = (1, MANY) if fits_together(method) else (1,)
         for size, seeds in product(method.sizes, counts):
             config = config_of(method, size, variant)
             epochs = hasattr(config, "epochs")
 
             def train(demos: Demos, count: int) -> None:
                 chosen = replace(config, epochs=count) if epochs else config  # noqa: B023
-                method.fit_seeds(chosen, layout, demos, validation, range(1, seeds + 1))  # noqa: B023
+                several = [demos] * seeds, [validation] * seeds  # noqa: B023
+                method.fit_seeds(chosen, layout, *several, range(1, seeds + 1))  # noqa: B023
 
             yield Price(task, name, variant, size, seeds, *_training_seconds(task, train, epochs))
 

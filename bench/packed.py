@@ -100,7 +100,8 @@ class Packed:
         import pandas as pd
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        return frame.assign(config=frame.config.map(json.loads))
+        held_out = frame.get("held_out", 0)  # results of version 0.1 lack it
+        return frame.assign(config=frame.config.map(json.loads), held_out=held_out)
 
     @cached_property
     def _provenance(self) -> dict[str, Any]:

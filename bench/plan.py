@@ -213,9 +213,8 @@ def _measured(task_name: str, method: str, variant: str, size: str, seeds: int) 
     layout = get_task(task_name).layout
     warm_up()
     began = process_time()
-    fitted = get_method(method, variant).fit_seeds(
-        config, layout, training, validation, range(1, seeds + 1)
-    )
+    several = [training] * seeds, [validation] * seeds
+    fitted = get_method(method, variant).fit_seeds(config, layout, *several, range(1, seeds + 1))
     seconds = process_time() - began
     if len(fitted) != seeds:
         raise InputError(

@@ -63,7 +63,7 @@ def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -
     demos = make_demos(task, expert, TRAINING + VALIDATION)
     training, validation = split(demos)
     say("training the controller")
-    controller = Controller(train_controller(config, training, task.name))
+    controller = Controller(train_controller(config, training, task.name, 0))
     kodex = Kodex(Kodex.sizes["single"], task.layout)
     kodex.fit(training, validation, 0)
     say(f"evaluating the controller and KODex in {count_of(episodes, 'episode')}")

@@ -127,7 +127,7 @@ def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: 
     cell = stored_cell(results, row, row["episodes"])
     evaluation, stored = cell.evaluation, stored_bytes(cell, results)
     task = get_task(evaluation.task, evaluation.rule)
-    every = task.sample(evaluation.split, cell.episodes)
+    every = task.sample(evaluation.split, cell.episodes, cell.fit.seed)
     parts = []
     for first in sorted({start // CHUNK * CHUNK for start in starts}):
         with guarded(f"{cell.fit.label} {evaluation.name}", first):

@@ -44,7 +44,7 @@ def chosen_sizes(study: Study, frame: "pd.DataFrame") -> dict[tuple[str, str], s
         (frame.split == VALIDATION)
         & (frame.variant == "described")
         & (frame.demos == study.demos)
-        & frame.seed.isin([0, *study.seeds])
+        & frame.seed.isin(study.seeds)
     ]
     chosen = {}
     for (task, name), part in compared.groupby(["task", "method"]):

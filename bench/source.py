@@ -16,9 +16,12 @@ if TYPE_CHECKING:  # reading results needs neither the methods nor MuJoCo
 
     from methods.base import Parameters
 
-NUMBERS = ("demos", "seed")
+NUMBERS = ("demos", "held_out", "seed")
 """Fields of a fit that are numbers."""
-_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "demos_key", "settings")
+_FIT = (
+    *("task", "method", "variant", "size", "config", "demos", "held_out", "seed"),
+    *("demos_key", "settings"),
+)
 _SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
 COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
 """The columns of `Source.frame`."""
@@ -82,7 +85,7 @@ def episodes_table(source: Source) -> pd.DataFrame:
     """Returns the outcomes of every evaluation in one table, see `bench.load`."""
     import pandas as pd
 
-    names = ["task", "method", "variant", "size", "demos", "seed", *CONDITIONS]
+    names = ["task", "method", "variant", "size", *NUMBERS, *CONDITIONS]
     found = source.frame()
     if found.empty:
         return pd.DataFrame(columns=[*names, *OUTCOMES])

@@ -11,8 +11,8 @@ from typing import Any
 
 import mujoco
 
-from bench.controller import FIRST_SEED, ControllerConfig
-from bench.controller_kinds import KINDS, ORIGINAL, controller_name
+from bench.controller import ControllerConfig
+from bench.controller_kinds import KINDS, ORIGINAL
 from bench.labels import DEMOS_DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
@@ -45,10 +45,14 @@ class Fit:
     demos: int
     """N: the first N training demonstrations are learnt from."""
     seed: int
+    """Of the study: decides the demonstrations, the starts and the method's random numbers."""
     demos_key: str
-    """Key of the demonstrations, see `tasks.demos.demos_key`."""
+    """Key of the demonstrations that all seeds share, see `tasks.demos.demos_key`."""
     settings: str = ""
     """Fields of the config that `--set` changed, such as ``hidden=64``, see `bench.labels`."""
+    held_out: int = 0
+    """How many training demonstrations after the first N validate, in place of the validation
+    demonstrations. Default: none do."""
 
     @cached_property
     def key(self) -> str:
@@ -64,11 +68,12 @@ class Fit:
         Two fits may share a label. The results then show the one that a run requested last.
         """
         if self.method == EXPERT:
-            return f"{self.task}-{self.method}"
+            return f"{self.task}-{self.method}-s{self.seed}"
         own = self.demos_key == demos_key(get_task(self.task))
         origin = "" if own else self.demos_key[:DEMOS_DIGITS]
         parts = [self.task, self.method, self.settings, self.variant, self.size]
-        parts += [f"n{self.demos}", origin, f"s{self.seed}"]
+        held_out = f"+{self.held_out}" if self.held_out else ""
+        parts += [f"n{self.demos}{held_out}", origin, f"s{self.seed}"]
         return "-".join(part for part in parts if part)
 
     def build(self) -> Method:
@@ -106,7 +111,7 @@ class Evaluation:
     split: str
     physics: str = NOMINAL
     controller: str = ORIGINAL
-    """Name of the controller that tracks a predicted motion; ``none`` if no controller is used."""
+    """Kind of the controller that tracks a predicted motion; ``none`` if no controller is used."""
     controller_key: str = ""
     rule: str = APPENDIX
     """The rule that decides on success."""
@@ -151,9 +156,10 @@ class ControllerSpec:
     demos_key: str
     """Key of the demonstrations; of the suite's own if the controller learns from new rollouts of
     the expert."""
+    seed: int
+    """Of the study: decides the demonstrations or rollouts, and the random numbers."""
     physics: str = NOMINAL
     """Physics in which the rollouts that it learns from are recorded."""
-    seed: int = FIRST_SEED
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -171,14 +177,17 @@ class ControllerSpec:
         return key("controller", asdict(self) | {"config": self.config.resolved()})
 
     @property
-    def name(self) -> str:
-        """Its name in evaluations."""
-        return controller_name(self.kind, self.seed)
-
-    @property
     def label(self) -> str:
         """A readable name, for folders and messages."""
-        return f"{self.task}-{self.name}-{self.physics}"
+        return f"{self.task}-{self.kind}-{self.physics}-s{self.seed}"
+
+
+def controller_blocks(specs: Iterable[ControllerSpec]) -> list[list[ControllerSpec]]:
+    """Returns the controllers in groups that differ in their seeds only, and train together."""
+    blocks: dict[str, list[ControllerSpec]] = {}
+    for spec in specs:
+        blocks.setdefault(replace(spec, seed=0).key, []).append(spec)
+    return list(blocks.values())
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.presets import Study
-from tasks.demos import adopt_demos, demos_key, load_demos, split
+from tasks.demos import adopt_demos, demos_key, load_adopted, split
 from tasks.demos_files import task_of
 from tasks.errors import InputError
 from tasks.registry import get_task
@@ -37,11 +37,12 @@ def learning_from(study: Study, files: Sequence[Path]) -> Study:
     """
     chosen = _by_task(study, files)
     keys = {task: adopt_demos(get_task(task), file) for task, file in chosen.items()}
-    counts = [len(split(load_demos(get_task(task), keys[task]))[0]) for task in keys]
+    counts = [len(split(load_adopted(get_task(task), keys[task]))[0]) for task in keys]
     notes = [
         f"On {task}, the methods and the original controller learnt from the demonstrations of"
-        f" {file.name}. The expert in the tables is the suite's own, not the demonstrator of that"
-        " file; tuned and unclipped controllers learnt from the suite's expert."
+        f" {file.name}, of which each seed draws its own four fifths. The expert in the tables is"
+        " the suite's own, not the demonstrator of that file; tuned and unclipped controllers"
+        " learnt from the suite's expert."
         for task, file in chosen.items()
     ]
     return replace(

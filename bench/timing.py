@@ -45,7 +45,10 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
             & (frame.method != EXPERT)
             & frame.variant.isin(["described", *LIFTING_VARIANTS])
         ]
-        group = ["task", "method", "settings", "variant", "size", "demos", "demos_key"]
+        group = [
+            *("task", "method", "settings", "variant", "size"),
+            *("demos", "held_out", "demos_key"),
+        ]
         firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
         missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
         timed = 0
@@ -80,5 +83,5 @@ def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
     timed_fit = replace(fit, config=config)
-    measured = [fit_methods([timed_fit], demos, validation)[0].seconds for _ in range(REPEATS)]
+    measured = [fit_methods([timed_fit], [demos], [validation])[0].seconds for _ in range(REPEATS)]
     return [seconds * epochs / timed for seconds in measured]

@@ -3,11 +3,12 @@
 If the expert's motions fail under a controller, a method that imitates them cannot do better.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from bench.controller import Controller, ControllerConfig, train_controller
-from bench.controller_kinds import ORIGINAL, RESEEDED, TUNED
+from bench.controller import Controller, ControllerConfig, train_controllers
+from bench.controller_kinds import ORIGINAL, TUNED
 from bench.doing import say
 from bench.probe import Recorded
 from bench.rollout import TrackedMotion
@@ -22,42 +23,56 @@ from tasks.simulator import rollout
 
 
 def track(
-    task: Task, physics: str, episodes: int, config: ControllerConfig
+    task: Task, physics: str, episodes: int, config: ControllerConfig, seeds: Sequence[int]
 ) -> list[dict[str, Any]]:
     """Returns how often controllers succeed in some physics when they track the expert's motions.
 
-    Each row has ``motions`` (the physics in which the expert's motions were recorded),
+    Each row has ``seed``, ``motions`` (the physics in which the expert's motions were recorded),
     ``controller``, ``success`` as a fraction, and ``episodes``. There are motions of nominal
-    physics and of the given one. In changed physics the controllers are the original and the tuned
-    one (appendix I). In nominal physics they are the original one and those that differ from it
-    only in their random numbers.
+    physics and of the given one. The controllers are the original one and, in changed physics, the
+    tuned one (appendix I).
 
     Args:
         task: the task.
         physics: nominal, a variation of appendix I, or another reading of one.
-        episodes: number of starts of ``test``, from the first.
+        episodes: number of starts of ``test`` of each seed, from the first.
         config: training settings of the controllers.
+        seeds: of a study, each with its own starts and controllers.
     """
-    expert, starts = load_expert(task).policy, task.sample("test", episodes)
-    original = ControllerSpec(task.name, ORIGINAL, config, TRAINING, demos_key(task))
-    if physics == NOMINAL:
-        specs = [original, *(replace(original, seed=seed) for seed in RESEEDED)]
-    else:
-        specs = [original, replace(original, kind=TUNED, physics=physics)]
-    controllers = {}
-    for spec in specs:
-        say(f"training the controller {spec.label}")
-        weights = train_controller(config, controller_demos(spec), task.name, spec.seed)
-        controllers[spec.name] = Controller(weights)
-    rows = []
-    for made in dict.fromkeys((NOMINAL, physics)):
-        say(f"recording the expert's motions in {made} physics")
-        motions = Recorded(record(task, starts, expert, made, failures=True)[1])
-        for name, controller in controllers.items():
-            say(f"tracking motions of {made} physics with the controller {name}")
-            found = rollout(task, starts, TrackedMotion(motions, controller), physics)
-            rate = float(found.success.mean())
-            rows.append(
-                {"motions": made, "controller": name, "success": rate, "episodes": episodes}
-            )
+    expert, rows = load_expert(task).policy, []
+    controllers = _controllers(task, physics, config, seeds)
+    for seed in seeds:
+        starts = task.sample("test", episodes, seed)
+        for made in dict.fromkeys((NOMINAL, physics)):
+            say(f"recording the expert's motions in {made} physics")
+            motions = Recorded(record(task, starts, expert, made, failures=True)[1])
+            for kind, of_seed in controllers.items():
+                say(f"tracking motions of {made} physics with the controller {kind}")
+                found = rollout(task, starts, TrackedMotion(motions, of_seed[seed]), physics)
+                rows.append(
+                    {
+                        "seed": seed,
+                        "motions": made,
+                        "controller": kind,
+                        "success": float(found.success.mean()),
+                        "episodes": episodes,
+                    }
+                )
     return rows
+
+
+def _controllers(
+    task: Task, physics: str, config: ControllerConfig, seeds: Sequence[int]
+) -> dict[str, dict[int, Controller]]:
+    """The controllers by kind and seed."""
+    original = ControllerSpec(task.name, ORIGINAL, config, TRAINING, demos_key(task), seeds[0])
+    kinds = [original]
+    if physics != NOMINAL:
+        kinds.append(replace(original, kind=TUNED, physics=physics))
+    found = {}
+    for spec in kinds:
+        say(f"training {spec.kind} controllers of {task.name}")
+        demos = [controller_demos(replace(spec, seed=seed)) for seed in seeds]
+        weights = train_controllers(config, demos, task.name, seeds)
+        found[spec.kind] = dict(zip(seeds, map(Controller, weights), strict=True))
+    return found

@@ -1,16 +1,20 @@
-"""The training data of fits and controllers, and the starts of evaluations."""
+"""The training data of fits and controllers, and the starts of evaluations, all of their seed."""
 
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 from bench.controller_kinds import KINDS
 from bench.spec import VALIDATION, Cell, ControllerSpec, Fit
 from tasks import demos
+from tasks.cache import cache_folder
 from tasks.data import Demos, Starts
-from tasks.demos import demos_key, demos_path, load_demos, split
+from tasks.demos import demos_key, demos_of
 from tasks.experts import load_expert
 from tasks.recorder import record
 from tasks.registry import get_task
+
+KEPT = 16
+"""Blocks of demonstrations that stay in memory, some 20 MB each."""
 
 
 def training_demos(of: Fit | ControllerSpec) -> Demos:
@@ -21,19 +25,20 @@ def training_demos(of: Fit | ControllerSpec) -> Demos:
     return _demos(of)[0][: of.demos]
 
 
-def validation_demos(of: Fit | ControllerSpec) -> Demos:
-    """Returns the validation demonstrations that belong to them, see `training_demos`."""
-    return _demos(of)[1]
+def validation_demos(of: Fit) -> Demos:
+    """Returns the validation demonstrations that belong to a fit, see `training_demos`."""
+    training, validation = _demos(of)
+    return training[of.demos : of.demos + of.held_out] if of.held_out else validation
 
 
 def _demos(of: Fit | ControllerSpec) -> tuple[Demos, Demos]:
-    return _demos_at(demos_path(get_task(of.task), of.demos_key), of.task, of.demos_key)
+    return _demos_at(cache_folder(), of.task, of.demos_key, of.seed)
 
 
-@cache
-def _demos_at(path: Path, task: str, key: str) -> tuple[Demos, Demos]:
-    """Demonstrations in the cache. The path is an argument, since the cache folder may change."""
-    return split(load_demos(get_task(task), key))
+@lru_cache(KEPT)
+def _demos_at(folder: Path, task: str, key: str, seed: int) -> tuple[Demos, Demos]:
+    """Demonstrations in the cache. The folder is an argument, since it may change."""
+    return demos_of(get_task(task), key, seed)
 
 
 def controller_demos(spec: ControllerSpec) -> Demos:
@@ -43,7 +48,7 @@ def controller_demos(spec: ControllerSpec) -> Demos:
         return training_demos(spec)
     task = get_task(spec.task)
     if kind.changed_physics:
-        starts = task.sample("demo", spec.demos)
+        starts = task.sample("demo", spec.demos, spec.seed)
     else:
         starts = training_demos(spec).starts
     return record(
@@ -57,11 +62,11 @@ def controller_demos(spec: ControllerSpec) -> Demos:
 
 
 def starts_of(cell: Cell) -> Starts:
-    """Returns the starts of an evaluation: the first of its split, no more than there are."""
+    """Returns the starts of an evaluation: the first of its split and seed."""
     split_ = cell.evaluation.split
     if split_ == VALIDATION:
         return validation_demos(cell.fit).starts[: cell.episodes]
-    return get_task(cell.evaluation.task).sample(split_, cell.episodes)
+    return get_task(cell.evaluation.task).sample(split_, cell.episodes, cell.fit.seed)
 
 
 def wanted_episodes(cell: Cell) -> int:

@@ -19,7 +19,7 @@ from bench.results import Results
 from bench.source import OUTCOMES, Source
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from tasks.data import generator
-from tasks.demos import demos_key, demos_path
+from tasks.demos import adopted_path, demos_key
 from tasks.errors import InputError
 from tasks.registry import get_task
 
@@ -119,7 +119,7 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
     """
     fit = fit_of(row)
     task = get_task(fit.task)
-    kept = fit.method != EXPERT and demos_path(task, fit.demos_key).exists()
+    kept = fit.method != EXPERT and adopted_path(task, fit.demos_key).exists()
     if fit.demos_key != demos_key(task) and not kept:
         raise InputError(
             f"{fit.label} learnt from other demonstrations than this installation makes: the"

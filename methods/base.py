@@ -63,8 +63,9 @@ class Method(ABC):
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"described": {}}
     """The config fields that each variant sets. ``described`` follows the paper's text;
     ``published``, if it exists, follows the authors' code."""
-    deterministic: ClassVar[bool] = False
-    """True if the seed has no effect, so that one fit serves all seeds."""
+    validates: ClassVar[bool] = False
+    """True if `fit` uses the validation demonstrations. The experiment ``efficiency`` then takes
+    them out of the few demonstrations that it gives."""
 
     def __init__(self, config: Any, layout: Layout) -> None:
         self.config = config
@@ -82,12 +83,25 @@ class Method(ABC):
 
     @classmethod
     def fit_seeds(
-        cls, config: Any, layout: Layout, demos: Demos, validation: Demos, seeds: Sequence[int]
+        cls,
+        config: Any,
+        layout: Layout,
+        demos: Sequence[Demos],
+        validation: Sequence[Demos],
+        seeds: Sequence[int],
     ) -> list[Self]:
-        """Returns a fitted method for each seed. Override it to train several seeds together."""
+        """Returns a fitted method for each seed. Override it to train several seeds together.
+
+        Args:
+            config: the config of all.
+            layout: the dimensions of the task.
+            demos: for each seed, its training demonstrations. All seeds have as many.
+            validation: for each seed, its validation demonstrations. All seeds have as many.
+            seeds: the seeds.
+        """
         methods = [cls(config, layout) for _ in seeds]
-        for method, seed in zip(methods, seeds, strict=True):
-            method.fit(demos, validation, seed)
+        for method, shown, unseen, seed in zip(methods, demos, validation, seeds, strict=True):
+            method.fit(shown, unseen, seed)
         return methods
 
     @abstractmethod

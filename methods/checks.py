@@ -32,7 +32,6 @@ VARIANT_RULES: dict[str, Callable[[Subject], None]] = {
         rules.same_start_same_answer,
         rules.same_seed_same_answer,
         rules.seeds_alone_or_together,
-        rules.one_answer_if_deterministic,
         rules.batch_invariance,
         rules.states_untouched,
         rules.process_untouched,
@@ -52,7 +51,6 @@ NEEDS = {
     "survives_storage": REPEATS,
     "batch_invariance": REPEATS,
     "seeds_alone_or_together": (*NEEDED, "same_seed_same_answer"),
-    "one_answer_if_deterministic": (*NEEDED, "same_seed_same_answer"),
     "global_streams_unused": (*NEEDED, "same_seed_same_answer"),
 }
 

@@ -4,11 +4,13 @@ Parameters and diagnostics become bytes, answers become new float64 arrays. No o
 returned leaves this file.
 """
 
+import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from itertools import chain
 from types import NoneType
 from typing import Any
 
@@ -107,8 +109,8 @@ def learn(
     method: type[Method],
     values: Mapping[str, Any],
     layout: Layout,
-    demos: Demos,
-    validation: Demos,
+    demos: Sequence[Demos],
+    validation: Sequence[Demos],
     seeds: Sequence[int],
 ) -> list[Learnt]:
     """Fits a method to demonstrations, once for each seed.
@@ -117,8 +119,8 @@ def learn(
         method: the method's class.
         values: the values of its config, as `resolved` returns them.
         layout: the dimensions of the task.
-        demos: the training demonstrations.
-        validation: other demonstrations, for choosing a checkpoint.
+        demos: for each seed, its training demonstrations.
+        validation: for each seed, other demonstrations, for choosing a checkpoint.
         seeds: the seeds.
 
     Raises:
@@ -133,17 +135,17 @@ def fitted(
     method: type[Method],
     values: Mapping[str, Any],
     layout: Layout,
-    demos: Demos,
-    validation: Demos,
+    demos: Sequence[Demos],
+    validation: Sequence[Demos],
     seeds: Sequence[int],
 ) -> list[Method]:
     """Returns the objects from the method's `fit_seeds`, see `learn`."""
-    given = _copied(demos), _copied(validation)
+    given = list(map(_copied, demos)), list(map(_copied, validation))
     config = build(method, values, layout).config
     with _calling("fit"):
         found = method.fit_seeds(config, layout, *given, list(seeds))
         kinds = [type(one).__name__ for one in found]
-    if _arrays(given[0]) != _arrays(demos) or _arrays(given[1]) != _arrays(validation):
+    if [*map(_digest, chain(*given))] != [*map(_digest, chain(demos, validation))]:
         raise ContractError("fit wrote to the demonstrations that it was given")
     of_its_kind = all(isinstance(one, method) for one in found)
     if not of_its_kind or not len({*map(id, found)}) == len(found) == len(seeds):
@@ -158,9 +160,11 @@ def _copied(demos: Demos) -> Demos:
     return demos[np.arange(len(demos))]
 
 
-def _arrays(demos: Demos) -> list[bytes]:
-    arrays = (demos.states, demos.velocities, demos.actions, demos.starts.values)
-    return [array.tobytes() for array in arrays]
+def _digest(demos: Demos) -> str:
+    digest = hashlib.sha256()
+    for array in (demos.states, demos.velocities, demos.actions, demos.starts.values):
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
 
 
 def stored(fit: Method, values: Mapping[str, Any], layout: Layout) -> Learnt:

@@ -26,7 +26,8 @@ class Description:
     """True for a MotionMethod, False for an ActionMethod."""
     together: bool
     """True if it overrides `fit_seeds`."""
-    deterministic: bool
+    validates: bool
+    """True if it uses validation demonstrations."""
     sizes: Mapping[str, Mapping[str, Any]]
     """For each size, the config's values (`methods.contract.resolved`)."""
     default_size: Mapping[str, str]
@@ -63,7 +64,7 @@ def describe_method(method: type[Method]) -> Description:
         version=method.version,
         motions=issubclass(method, MotionMethod),
         together=fits_together(method),
-        deterministic=bool(method.deterministic),
+        validates=bool(method.validates),
         sizes={size: resolved(config) for size, config in method.sizes.items()},
         default_size={str(task): str(size) for task, size in method.default_size.items()},
         variants={name: dict(changes) for name, changes in method.variants.items()},
@@ -104,7 +105,7 @@ def stand_in(description: Description) -> type[Method]:
         "name": description.name,
         "summary": description.summary,
         "version": description.version,
-        "deterministic": description.deterministic,
+        "validates": description.validates,
         "sizes": {size: from_json(config, v) for size, v in description.sizes.items()},
         "default_size": description.default_size,
         "variants": description.variants,

@@ -5,7 +5,7 @@ solution over all pairs of successive states in the demonstrations (appendix (9)
 
     A = 1/M sum phi(x(t+1)) phi(x(t))^T,    G = 1/M sum phi(x(t)) phi(x(t))^T.
 
-Nothing in it is random, and only the observables can be tuned.
+Nothing in it is random: the seed decides only which demonstrations it learns from.
 """
 
 from collections.abc import Mapping
@@ -62,7 +62,6 @@ class Kodex(MotionMethod):
         "cutoff_tenfold": {"cutoff": 10.0},
         "cutoff_tenth": {"cutoff": 0.1},
     }
-    deterministic = True
 
     def __init__(self, config: KodexConfig, layout: Layout) -> None:
         super().__init__(config, layout)

@@ -9,7 +9,7 @@ the validation demonstrations, predicted from their starts.
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -40,6 +40,7 @@ class NetworkConfig(Schedule):
 class NetworkMethod(MotionMethod):
     """A motion method with a neural network. Its configs derive from `NetworkConfig`."""
 
+    validates = True
     at_once: ClassVar[int | None] = None
     """Number of samples that pass through the network at a time in training, see `minimise`."""
 
@@ -79,33 +80,39 @@ class NetworkMethod(MotionMethod):
 
     def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
         """Trains one network."""
-        (fitted,) = self.fit_seeds(self.config, self.layout, demos, validation, [seed])
+        (fitted,) = self.fit_seeds(self.config, self.layout, [demos], [validation], [seed])
         self._arrays, self._trained = fitted._arrays, fitted._trained
 
     @classmethod
     def fit_seeds(
-        cls, config: Any, layout: Layout, demos: Demos, validation: Demos, seeds: Sequence[int]
+        cls,
+        config: Any,
+        layout: Layout,
+        demos: Sequence[Demos],
+        validation: Sequence[Demos],
+        seeds: Sequence[int],
     ) -> list[Self]:
-        """Trains the networks of all seeds together."""
+        """Trains the networks of all seeds together, each on its own demonstrations."""
         methods = [cls(config, layout) for _ in seeds]
         one = methods[0]
-        mean, scale = np.zeros(layout.state_dim), np.ones(layout.state_dim)
-        if config.standardise:
-            mean = demos.states.mean(axis=(0, 1))
-            scale = np.maximum(demos.states.std(axis=(0, 1)), SCALE_FLOOR)
-        unseen = tensor((validation.states - mean) / scale)
+        scales = [_scale(config, of_seed.states) for of_seed in demos]
+        unseen = tensor(
+            np.stack([scale.apply(d.states) for scale, d in zip(scales, validation, strict=True)])
+        )
         trained = minimise(
             draw=one.draw,
             loss=one.loss,
-            data=one.samples((demos.states - mean) / scale),
+            data=(
+                one.samples(scale.apply(d.states)) for scale, d in zip(scales, demos, strict=True)
+            ),
             schedule=config,
             name=cls.name,
             seeds=seeds,
-            validate=lambda weights: one.error(weights, _for_each(weights, unseen)),
+            validate=lambda weights: one.error(weights, unseen),
             at_once=cls.at_once,
         )
-        for method, result in zip(methods, trained, strict=True):
-            method._arrays = result.weights | {"state_mean": mean, "state_scale": scale}
+        for method, result, scale in zip(methods, trained, scales, strict=True):
+            method._arrays = result.weights | scale._asdict()
             method._trained = result
         return methods
 
@@ -148,7 +155,20 @@ def windows(states: FloatArray, steps: int) -> FloatArray:
     return np.moveaxis(views, -1, 2).reshape(-1, steps + 1, states.shape[-1])
 
 
-def _for_each(weights: Weights, x: Tensor) -> Tensor:
-    """Repeats samples for each of the S networks."""
-    networks = len(next(iter(weights.values())))
-    return x.expand(networks, *x.shape)
+class _Scale(NamedTuple):
+    """The mean and the scale of the states, (D,) each. Parameters store both by these names."""
+
+    state_mean: FloatArray
+    state_scale: FloatArray
+
+    def apply(self, states: FloatArray) -> FloatArray:
+        """Returns standardised states (..., D)."""
+        scaled: FloatArray = (states - self.state_mean) / self.state_scale
+        return scaled
+
+
+def _scale(config: NetworkConfig, states: FloatArray) -> _Scale:
+    if not config.standardise:
+        return _Scale(np.zeros(states.shape[-1]), np.ones(states.shape[-1]))
+    scale = np.maximum(states.std(axis=(0, 1)), SCALE_FLOOR)
+    return _Scale(states.mean(axis=(0, 1)), scale)

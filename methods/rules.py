@@ -120,13 +120,6 @@ def seeds_alone_or_together(subject: Subject) -> None:
         _require(apart <= TOLERANCE, f"fit_seeds and fit are {apart:g} apart for seed {seed}")
 
 
-def one_answer_if_deterministic(subject: Subject) -> None:
-    """If `deterministic` is set, two seeds give the same bits."""
-    if subject.method.deterministic:
-        same = _difference(subject, subject.answer(1), subject.answer(2)) == 0
-        _require(same, "it says that it is deterministic, and two seeds answer differently")
-
-
 def batch_invariance(subject: Subject) -> None:
     """An answer does not depend on the other starts in the batch."""
     demos, asked = unseen(), subject.load()

@@ -64,7 +64,8 @@ class Subject:
         """
         values = self.values(epochs)
         with guarded("check", stream) as changed:
-            found = fitted(self.method, values, LAYOUT, toy(0, 12), toy(1, 4), seeds)
+            several = [toy(0, 12)] * len(seeds), [toy(1, 4)] * len(seeds)
+            found = fitted(self.method, values, LAYOUT, *several, seeds)
             learnt = [stored(one, values, LAYOUT) for one in found]
         return [SubjectFit(*parts, tuple(changed)) for parts in zip(found, learnt, strict=True)]
 

@@ -1,10 +1,10 @@
 """The training loop of all networks of the suite: Adam on mini-batches.
 
-Networks of several seeds are trained together (see `methods.layers`). Each draws its own weights
-and its own order of samples, and its result does not depend on the others.
+Networks of several seeds are trained together (see `methods.layers`). Each has its own samples,
+draws its own weights and its own order, and its result does not depend on the others.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
@@ -81,20 +81,19 @@ class Trained:
 def minimise(
     draw: Draw,
     loss: Loss,
-    data: Sequence[FloatArray],
+    data: Iterable[Sequence[FloatArray]],
     schedule: Schedule,
     name: str,
     seeds: Sequence[int],
     validate: Callable[[Weights], Tensor] | None = None,
     at_once: int | None = None,
-    fill: bool = True,
 ) -> list[Trained]:
     """Trains one network for each seed.
 
     Args:
         draw: returns the initial weights.
         loss: the training loss, in float32.
-        data: arrays whose first axis is the samples.
+        data: for each seed, arrays whose first axis is its samples. All seeds have as many.
         schedule: epochs, batch size and learning rate.
         name: names the network. Its random numbers depend on the name and the seed.
         seeds: one seed for each network.
@@ -102,20 +101,19 @@ def minimise(
             kept. Default: those of the last epoch.
         at_once: number of samples that pass through a network at a time; the gradients of larger
             mini-batches are summed piece by piece. Default: whole mini-batches.
-        fill: whether the result of a seed must not depend on the other seeds, see `_leaves`.
 
     Raises:
         TrainingError: there are no samples, or some seed's loss was never finite.
     """
-    if not len(data[0]):
+    samples, count = _joined(data, len(seeds))
+    if not count:
         raise TrainingError(f"{name} has no samples to learn from")
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
-    numbers, weights, gradients = _leaves(drawn, VECTOR if fill else 1)
+    numbers, weights, gradients = _leaves(drawn)
     leaves = list(weights.values())
-    samples = [tensor(array) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
 
-    steps = schedule.epochs * -(-len(samples[0]) // schedule.batch_size)
+    steps = schedule.epochs * -(-count // schedule.batch_size)
     rates = (schedule.learning_rate * (1 - schedule.decay * step / steps) for step in range(steps))
 
     def fresh_adam() -> torch.optim.Optimizer:
@@ -126,7 +124,8 @@ def minimise(
     best = _Best(weights)
     with one_thread():
         for _ in range(schedule.epochs):
-            order = torch.from_numpy(np.stack([rng.permutation(len(samples[0])) for rng in orders]))
+            drawn_order = [i * count + rng.permutation(count) for i, rng in enumerate(orders)]
+            order = torch.from_numpy(np.stack(drawn_order))
             total = torch.zeros(len(seeds))
             optimiser = fresh_adam() if schedule.fresh_adam == "epoch" else optimiser
             for rows in order.split(schedule.batch_size, dim=1):
@@ -142,13 +141,24 @@ def minimise(
                     total += losses.detach() * piece.shape[1]
                 optimiser.step()
             with torch.no_grad():
-                best.note(total / order.shape[1], validate(weights) if validate else None)
+                best.note(total / count, validate(weights) if validate else None)
     return best.chosen(seeds)
 
 
-def _leaves(
-    drawn: Sequence[dict[str, FloatArray]], vector: int
-) -> tuple[Tensor, Weights, list[Tensor]]:
+def _joined(data: Iterable[Sequence[FloatArray]], seeds: int) -> tuple[list[Tensor], int]:
+    """Returns the samples of all seeds one after the other, and how many a seed has.
+
+    Raises:
+        TrainingError: some seed has more samples than another.
+    """
+    parts = [[tensor(array) for array in arrays] for arrays in data]
+    counts = [len(part[0]) for part in parts]
+    if counts != seeds * counts[:1]:
+        raise TrainingError(f"seeds that train together need as many samples each, got {counts}")
+    return [torch.cat(column) for column in zip(*parts, strict=True)], counts[0]
+
+
+def _leaves(drawn: Sequence[dict[str, FloatArray]]) -> tuple[Tensor, Weights, list[Tensor]]:
     """Returns all numbers in one tensor for Adam, the weights (S, ...) and their gradients.
 
     Weights and gradients are views of that tensor and of its gradient: a step of Adam on one tensor
@@ -157,7 +167,7 @@ def _leaves(
     """
     arrays = {key: np.stack([one[key] for one in drawn]) for key in drawn[0]}
     rows = [array.reshape(len(drawn), -1) for array in arrays.values()]
-    filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % vector))) for part in rows]
+    filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % VECTOR))) for part in rows]
     numbers = tensor(np.concatenate([part.ravel() for part in filled]))
     numbers.grad = torch.zeros_like(numbers)
 

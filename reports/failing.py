@@ -74,7 +74,7 @@ def _episodes(results: Results, row: dict[str, Any]) -> pd.DataFrame:
     from tasks.registry import get_task  # imports MuJoCo
 
     task, outcomes = get_task(row["task"]), results.outcomes(row)
-    values = start_values(task, row["split"], len(outcomes))
+    values = start_values(task, row["split"], len(outcomes), row["seed"])
     numbers = values.drop(columns="start")
     success = outcomes.success.to_numpy(bool)
     labels = {"seed": row["seed"], "split": row["split"], "mode": None}

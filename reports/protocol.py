@@ -65,7 +65,8 @@ def _demonstrations(learnt: pd.DataFrame, own: Mapping[str, str]) -> Iterator[Se
         learnt: rows of methods.
         own: keys of the expert's demonstrations, by task.
     """
-    most = learnt.groupby(["task", "method", "variant", *CONDITIONS], sort=False).demos.max()
+    in_all = learnt.assign(in_all=learnt.demos + learnt.held_out)
+    most = in_all.groupby(["task", "method", "variant", *CONDITIONS], sort=False).in_all.max()
     for (task, method, *_), count in most.items():
         yield task, method, DEMOS, str(count)
     for one in learnt.drop_duplicates(["task", "method", "demos_key"]).itertuples():

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from tasks.base import Task
 
 
-def start_values(task: "Task", split: str, n: int) -> pd.DataFrame:
-    """Returns the index ``start`` and the numbers, in their units, of a split's first n starts."""
+def start_values(task: "Task", split: str, n: int, seed: int) -> pd.DataFrame:
+    """Returns the index ``start`` and the numbers, in their units, of a seed's first n starts."""
     names = [component.name for component in task.start_components]
-    starts = task.sample(split, n)
+    starts = task.sample(split, n, seed)
     return pd.DataFrame(starts.values, columns=names).assign(start=starts.index)
 
 

@@ -156,21 +156,30 @@ class Task(ABC):
             raise unknown_name("split", split, SPLITS)
         return (self.in_distribution,) if split in IN_DISTRIBUTION else self.out_of_distribution
 
-    def sample(self, split: str, n: int) -> Starts:
+    def sample(self, split: str, n: int, seed: int = 0) -> Starts:
         """Returns the first n starts of a split. Start i is the same for every n > i.
 
+        Args:
+            split: name of the split.
+            n: number of starts.
+            seed: of a study, from 1. Each seed has starts of its own. The starts of seed 0 belong
+                to no study: experts are trained and chosen on them, and users record on them.
+
         Raises:
-            InputError: there is no such split, or n is negative.
+            InputError: there is no such split, or n or the seed is negative.
         """
         boxes = self.ranges(split)
         if n < 0:
             raise InputError(f"the number of starts must be 0 or more, got {n}")
-        draws = generator("starts", self.name, split).random((n, 1 + len(self.start_components)))
+        if seed < 0:
+            raise InputError(f"the seed of starts must be 0 or more, got {seed}")
+        stream = generator("starts", self.name, split, *([seed] if seed else []))
+        draws = stream.random((n, 1 + len(self.start_components)))
         low = np.array([box.low for box in boxes])
         high = np.array([box.high for box in boxes])
         box = (draws[:, 0] * len(boxes)).astype(np.int64)
         values = low[box] + draws[:, 1:] * (high - low)[box]
-        return Starts(self.name, split, np.arange(n), values)
+        return Starts(self.name, split, np.arange(n), values, seed)
 
     def check_starts(self, starts: Starts) -> None:
         """Raises InputError unless the starts are of this task and in the range of their split."""

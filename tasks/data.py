@@ -122,6 +122,8 @@ class Starts:
     """(B,) position of each start in its split."""
     values: FloatArray
     """(B, P) start values, in the units of the task's ``start_components``."""
+    seed: int = 0
+    """The seed of a study that meets them. 0: no study does, see `tasks.base.Task.sample`."""
 
     def __post_init__(self) -> None:
         place = f"of starts of {self.task}/{self.split}"
@@ -146,7 +148,7 @@ class Starts:
 
     def __getitem__(self, rows: slice | IntArray) -> "Starts":
         """Returns the chosen starts, in the order of rows."""
-        return Starts(self.task, self.split, self.index[rows], self.values[rows])
+        return Starts(self.task, self.split, self.index[rows], self.values[rows], self.seed)
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,7 @@ class Episodes:
 
 
 def join_demos(parts: Sequence[Demos]) -> Demos:
-    """Concatenates demonstrations of one split."""
+    """Concatenates demonstrations of one split and seed."""
     return type(parts[0])(
         _join_starts([part.starts for part in parts]),
         np.concatenate([part.states for part in parts]),
@@ -256,7 +258,7 @@ def join_demos(parts: Sequence[Demos]) -> Demos:
 
 
 def join_episodes(parts: Sequence[Episodes]) -> Episodes:
-    """Concatenates episodes of one split."""
+    """Concatenates episodes of one split and seed."""
     return Episodes(
         _join_starts([part.starts for part in parts]),
         np.concatenate([part.success for part in parts]),
@@ -270,4 +272,4 @@ def join_episodes(parts: Sequence[Episodes]) -> Episodes:
 def _join_starts(parts: Sequence[Starts]) -> Starts:
     index = np.concatenate([part.index for part in parts])
     values = np.concatenate([part.values for part in parts])
-    return Starts(parts[0].task, parts[0].split, index, values)
+    return Starts(parts[0].task, parts[0].split, index, values, parts[0].seed)

@@ -1,6 +1,6 @@
-"""Demonstrations of a task: 250 successful episodes of its expert, or those of a file.
+"""Demonstrations of a task: for each seed 250 successful episodes of its expert, or a file's.
 
-They are kept in the cache under a key. The expert's are made when they are first needed.
+They are kept in the cache. The expert's are made when they are first needed, a block for each seed.
 """
 
 import sys
@@ -10,7 +10,7 @@ import mujoco
 
 from tasks.base import Task
 from tasks.cache import cache_folder, writable_cache
-from tasks.data import Demos, key
+from tasks.data import Demos, generator, key
 from tasks.demos_files import (
     content_of,
     digest_of,
@@ -26,13 +26,16 @@ from tasks.words import count_of
 
 TRAINING = 200
 VALIDATION = 50
-VERSION = 1
+VERSION = 2
 """Raise it when demonstrations change for a reason that no other part of the key shows."""
 _FOLDER = "demos"
 
 
 def demos_key(task: Task) -> str:
-    """Returns the key of the expert's demonstrations of a task."""
+    """Returns the key of the expert's demonstrations of a task, which all seeds share.
+
+    The key and a seed identify a block of demonstrations.
+    """
     return key(
         "demos",
         VERSION,
@@ -45,45 +48,81 @@ def demos_key(task: Task) -> str:
     )
 
 
-def demos_path(task: Task, cached_as: str | None = None) -> Path:
-    """Returns the path of demonstrations in the cache. Default key: the expert's."""
-    name = f"{task.name}-{(cached_as or demos_key(task))[:16]}.safetensors"
-    return cache_folder() / _FOLDER / name
+def demos_path(task: Task, seed: int) -> Path:
+    """Returns the path in the cache of the expert's demonstrations for a seed."""
+    return cache_folder() / _FOLDER / f"{task.name}-{demos_key(task)[:16]}-s{seed}.safetensors"
 
 
-def load_demos(task: Task, cached_as: str | None = None) -> Demos:
-    """Returns demonstrations of a task from the cache.
+def adopted_path(task: Task, adopted: str) -> Path:
+    """Returns the path in the cache of demonstrations from a file, given their key."""
+    return cache_folder() / _FOLDER / f"{task.name}-{adopted[:16]}.safetensors"
 
-    The expert's are made if they are missing, or if their SHA-256 is not the noted one.
 
-    Args:
-        task: the task.
-        cached_as: their key, from `demos_key` or `adopt_demos`. Default: the expert's.
+def load_demos(task: Task, seed: int = 1) -> Demos:
+    """Returns the expert's demonstrations for a seed: its successes from the starts of the seed.
+
+    They are recorded if the cache lacks them, or if their SHA-256 is not the noted one.
 
     Raises:
-        InputError: the cache has lost demonstrations that came from a file, or cannot be written
-            to.
+        InputError: the cache cannot be written to.
     """
-    path = demos_path(task, cached_as)
+    path = demos_path(task, seed)
     data = sound_content(path)
     if data is None:
-        if path != demos_path(task):
-            raise InputError(
-                f"the demonstrations of {task.name} that were once in {path} are missing or"
-                " damaged: give their file again with --demos"
-            )
         writable_cache(_FOLDER)
         if path.exists():
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
-        save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
+        expert = load_expert(task).policy
+        save_demos(make_demos(task, expert, TRAINING + VALIDATION, seed), path)
         data = path.read_bytes()
+    return parse_demos(task, data, path, seed)
+
+
+def load_adopted(task: Task, adopted: str) -> Demos:
+    """Returns demonstrations from a file, given their key from `adopt_demos`.
+
+    Raises:
+        InputError: the cache has lost them.
+    """
+    path = adopted_path(task, adopted)
+    data = sound_content(path)
+    if data is None:
+        raise InputError(
+            f"the demonstrations of {task.name} that were once in {path} are missing or"
+            " damaged: give their file again with --demos"
+        )
     return parse_demos(task, data, path)
+
+
+def demos_of(task: Task, chosen: str, seed: int) -> tuple[Demos, Demos]:
+    """Returns the demonstrations of a seed for training, and those for validation.
+
+    Args:
+        task: the task.
+        chosen: key of the demonstrations, from `demos_key` or `adopt_demos`.
+        seed: of the study.
+
+    Raises:
+        InputError: see `load_demos` and `load_adopted`.
+    """
+    if chosen == demos_key(task):
+        return split(load_demos(task, seed))
+    return split(shuffled(load_adopted(task, chosen), seed))
 
 
 def split(demos: Demos) -> tuple[Demos, Demos]:
     """Splits demonstrations: the first four fifths for training, the rest for validation."""
     training = len(demos) * TRAINING // (TRAINING + VALIDATION)
     return demos[:training], demos[training:]
+
+
+def shuffled(demos: Demos, seed: int) -> Demos:
+    """Returns the demonstrations of a file in the order that a seed draws.
+
+    A file holds the same demonstrations for every seed. The order decides which ones train and
+    which ones validate.
+    """
+    return demos[generator("demos of a file", seed).permutation(len(demos))]
 
 
 def read_demos(task: Task, file: Path) -> Demos:
@@ -127,7 +166,7 @@ def adopt_demos(task: Task, file: Path) -> str:
     """
     found = read_demos(task, file)
     adopted = key("demos file", digest_of(found))
-    path = demos_path(task, adopted)
+    path = adopted_path(task, adopted)
     if sound_content(path) != content_of(found):
         writable_cache(_FOLDER)
         save_demos(found, path)

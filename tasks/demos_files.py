@@ -58,8 +58,14 @@ def sound_content(path: Path) -> bytes | None:
     return data if hashlib.sha256(data).hexdigest().encode() == noted else None
 
 
-def parse_demos(task: Task, content: bytes, file: Path) -> Demos:
+def parse_demos(task: Task, content: bytes, file: Path, seed: int = 0) -> Demos:
     """Returns the demonstrations in the content of a file.
+
+    Args:
+        task: the task.
+        content: of the file.
+        file: named in messages.
+        seed: of the starts, which the file does not note.
 
     Raises:
         InputError: it is not such a file, belongs to another task, or has arrays that `Starts` or
@@ -70,7 +76,7 @@ def parse_demos(task: Task, content: bytes, file: Path) -> Demos:
     if shown != task.name:
         raise InputError(f"{file} holds demonstrations of {shown}, not of {task.name}")
     try:
-        starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"])
+        starts = Starts(task.name, "demo", arrays["start_index"], arrays["start_values"], seed)
         return Demos(starts, arrays["states"], arrays["velocities"], arrays["actions"])
     except InputError as error:
         raise InputError(f"{file}: {error}") from error

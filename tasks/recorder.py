@@ -83,18 +83,22 @@ def record(
     return np.concatenate(success), join_demos(found)
 
 
-def make_demos(task: Task, expert: Policy, n: int, threads: int = 0) -> Demos:
-    """Returns an expert's first n successful episodes of the split ``demo``.
+def make_demos(task: Task, expert: Policy, n: int, seed: int = 0, threads: int = 0) -> Demos:
+    """Returns an expert's first n successful episodes from the starts ``demo`` of a seed.
 
     Raises:
         InputError: fewer than one episode in ten succeeds.
     """
     attempt = partial(record, task, policy=expert, threads=threads)
-    return collect(task, n, "the expert", attempt)[1]
+    return collect(task, n, "the expert", attempt, seed)[1]
 
 
 def collect(
-    task: Task, n: int, who: str, attempt: Callable[[Starts], tuple[BoolArray, Demos]]
+    task: Task,
+    n: int,
+    who: str,
+    attempt: Callable[[Starts], tuple[BoolArray, Demos]],
+    seed: int = 0,
 ) -> tuple[BoolArray, Demos]:
     """Tries starts of the split ``demo``, in order, until n episodes have succeeded.
 
@@ -105,6 +109,7 @@ def collect(
         n: number of demonstrations.
         who: names the policy in the error message.
         attempt: returns its success at each start (B,), and the successful episodes.
+        seed: of the starts, see `tasks.base.Task.sample`.
 
     Raises:
         InputError: fewer than one episode in ten succeeds.
@@ -112,7 +117,7 @@ def collect(
     success = np.zeros(0, np.bool_)
     found: list[Demos] = []
     while success.sum() < n:
-        starts = task.sample("demo", len(success) + BLOCK)[len(success) :]
+        starts = task.sample("demo", len(success) + BLOCK, seed)[len(success) :]
         tried, demos = attempt(starts)
         success = np.concatenate([success, tried])
         found.append(demos)

@@ -7,7 +7,6 @@ Tables 1 to 5 are listed in `sizes`, Tables 7 to 10 in `robustness`; any other h
 from reports.exhibit import Exhibit
 from reports.exhibits import (
     all_tasks,
-    audit_controller,
     audit_physics,
     audit_rule,
     audit_variant,
@@ -46,7 +45,6 @@ EXHIBITS: tuple[Exhibit, ...] = (
     efficiency.EXHIBIT,
     efficiency_time.EXHIBIT,
     audit_variant.EXHIBIT,
-    audit_controller.EXHIBIT,
     audit_rule.EXHIBIT,
     audit_physics.EXHIBIT,
 )

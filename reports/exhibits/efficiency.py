@@ -16,10 +16,20 @@ from reports.tables import table_of
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = without_expert(results.chosen(split="test"))
+    found = given_in_all(without_expert(results.chosen(split="test")))
     if found.demos.nunique() < 2:
         return table_of()
     return by_demos(results.rates(found, ["method", "demos", "task"]))
+
+
+def given_in_all(found: pd.DataFrame) -> pd.DataFrame:
+    """Returns the evaluations with ``demos`` the number of demonstrations a method has in all.
+
+    A method that holds some out for validation is shown by those fits alone.
+    """
+    holds_out = found.groupby("method").held_out.transform("max") > 0
+    kept = found[~holds_out | (found.held_out > 0)]
+    return kept.assign(demos=kept.demos + kept.held_out)
 
 
 def by_demos(found: pd.DataFrame) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from reports.charts import log_dots, set_logarithmic
 from reports.exhibit import Exhibit
-from reports.exhibits.efficiency import by_demos, draw_lines
+from reports.exhibits.efficiency import by_demos, draw_lines, given_in_all
 from reports.pairing import without_expert
 from reports.results import Results
 from reports.tables import table_of
@@ -13,7 +13,8 @@ from reports.tables import table_of
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = without_expert(results.chosen(split="test")).dropna(subset="fit_seconds")
+    found = given_in_all(without_expert(results.chosen(split="test")))
+    found = found.dropna(subset="fit_seconds")
     if found.empty:
         return table_of()
     found = found.drop_duplicates(["method", "demos", "task"])
