@@ -15,13 +15,13 @@ from tasks.words import count_of
 
 def list_names(as_json: AsJson = False) -> None:
     """List the names of all tasks, methods, experiments and presets."""
-    from bench.presets import PRESETS
+    from bench.presets import PRESETS, experiment_names
     from methods.registry import method_names
 
     names = {
         "tasks": list(TASKS),
         "methods": method_names(),
-        "experiments": list(PRESETS["paper"].episodes),
+        "experiments": experiment_names(),
         "presets": list(PRESETS),
     }
     if as_json:
@@ -72,8 +72,8 @@ def _print_task(facts: dict[str, Any]) -> None:
 
 def _print_method(facts: dict[str, Any]) -> None:
     print("{name}: {summary}, version {version}".format(**facts))
-    seed = "" if facts["seeds"] else "; it does not depend on the seed"
-    print(f"predicts {facts['predicts']}{seed}")
+    how = "chooses by validation" if facts["validates"] else "does not use validation"
+    print(f"predicts {facts['predicts']}; {how}")
     sizes = facts["sizes"]
     fields = list(next(iter(sizes.values())))
     rows = [
@@ -121,6 +121,7 @@ def _print_preset(facts: dict[str, Any]) -> None:
     for name in ("tasks", "methods", "sizes", "seeds", "demos", "epochs_share"):
         value = facts[name]
         print(f"{name}: {', '.join(map(str, value)) if isinstance(value, list) else value}")
+    print(facts["seed"])
     episodes = facts["episodes"].items()
     rows = [{"experiment": name, "episodes of each evaluation": count} for name, count in episodes]
     _print_table("experiments", rows)

@@ -77,11 +77,11 @@ def new_method(
     """Write an installable package with a small working method and its tests."""
     from importlib.resources import files
 
-    from bench.presets import PRESETS
+    from bench.presets import PRESETS, experiment_names
     from methods.names import check_new_name
     from methods.registry import method_names
 
-    check_new_name(name, (*method_names(), *TASKS, *PRESETS["paper"].episodes, *PRESETS))
+    check_new_name(name, (*method_names(), *TASKS, *experiment_names(), *PRESETS))
     target = folder / name
     class_name = "".join(part.capitalize() for part in name.split("_"))
     with whole_folder(target) as temporary:

@@ -9,6 +9,12 @@ from tasks.errors import InputError, reason_of
 from tasks.masses import NOMINAL, all_changes
 from tasks.registry import TASKS, get_task
 
+SEED = (
+    "A seed repeats the whole study: it draws the demonstrations, the test starts, and the random"
+    " numbers of controllers and methods. All methods of a seed share what it draws, and nothing"
+    " but the expert is shared by two seeds."
+)
+
 
 def describe(name: str) -> dict[str, Any]:
     """Describes a task, method, experiment or preset; ``kind`` says which of them it is.
@@ -16,13 +22,13 @@ def describe(name: str) -> dict[str, Any]:
     Raises:
         InputError: nothing has that name.
     """
-    from bench.presets import PRESETS
+    from bench.presets import PRESETS, experiment_names
     from methods.registry import method_names, unknown_method, unusable
 
     kinds = (
         ("task", TASKS, _task),
         ("method", method_names(), _method),
-        ("experiment", PRESETS["paper"].episodes, _experiment),
+        ("experiment", experiment_names(), _experiment),
         ("preset", PRESETS, _preset),
     )
     for kind, names, particulars in kinds:
@@ -121,6 +127,7 @@ def _preset(name: str) -> dict[str, Any]:
         "methods": list(study.methods),
         "sizes": "all" if study.sizes is None else list(study.sizes),
         "seeds": list(study.seeds),
+        "seed": SEED,
         "demos": study.demos,
         "epochs_share": study.epochs_share,
         "episodes": dict(study.episodes),

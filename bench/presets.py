@@ -50,6 +50,11 @@ def get_preset(name: str) -> Study:
     return PRESETS[name]
 
 
+def experiment_names() -> list[str]:
+    """Returns the names of all experiments."""
+    return [*PRESETS["paper"].episodes, "audit"]
+
+
 SMALLEST = "smallest"
 REDUCED = "Two seeds and fewer episodes than the paper's protocol; trained in full."
 FOR_TESTS = (

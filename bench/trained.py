@@ -37,7 +37,7 @@ def trained(spec: ControllerSpec) -> TrainedController | None:
     Damaged files are ignored.
     """
     for folder in (SHIPPED, cache_folder() / _CACHE):
-        found = _read(folder / f"{_name(spec)}.json", spec.key)
+        found = _read(folder / f"{file_name(spec)}.json", spec.key)
         if found:
             return found
     return None
@@ -57,13 +57,14 @@ def write(folder: Path, spec: ControllerSpec, weights: bytes, facts: Mapping[str
     """Writes the two files of a controller."""
     digest = hashlib.sha256(weights).hexdigest()
     card = {"key": spec.key, "weights_sha256": digest, "facts": facts}
-    path = folder / f"{_name(spec)}.json"
+    path = folder / f"{file_name(spec)}.json"
     with whole_file(path.with_suffix(".safetensors")) as data, whole_file(path) as text:
         data.write_bytes(weights)
         text.write_text(json.dumps(card, indent=1) + "\n")
 
 
-def _name(spec: ControllerSpec) -> str:
+def file_name(spec: ControllerSpec) -> str:
+    """Returns the name of the two files of a controller, without endings."""
     return folder_name(spec.label, spec.key)
 
 

@@ -229,8 +229,13 @@ def video(
     start: Annotated[
         int | None,
         number(
-            0, "Index of a test start. Default: one success and one failure of the first method."
+            0,
+            "Index of a test start of the seed. Default: one success and one failure of the first"
+            " method.",
         ),
+    ] = None,
+    seed: Annotated[
+        int | None, number(1, "Seed of the fits and starts. Default: the first method's lowest.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the films. Default: RESULTS/videos.")
@@ -249,16 +254,17 @@ def video(
     if drawing is None:
         raise InputError("this machine cannot draw: see `bench doctor`")
     os.environ["MUJOCO_GL"] = drawing
-    from reports.video import film, success_and_failure
+    from reports.video import film, lowest_seed, success_and_failure
 
     place = writable_folder(out or results / "videos")
     with doing("looking for starts to film"):
+        seed = lowest_seed(results, task, chosen[0]) if seed is None else seed
         if start is None:
-            starts = success_and_failure(results, task, chosen[0])
+            starts = success_and_failure(results, task, chosen[0], seed)
         else:
             starts = {f"start-{start}": start}
     for name, index in starts.items():
-        path = place / f"{task}-{name}.mp4"
+        path = place / f"{task}-s{seed}-{name}.mp4"
         with doing(f"filming {path.name}"):
-            film(results, task, chosen, index, path)
+            film(results, task, chosen, seed, index, path)
         print(path)

@@ -146,12 +146,13 @@ def _as_text(table: "pd.DataFrame") -> str:
         mode=table["mode"].fillna("-"),
         share=table.share.map("{:.1f}%".format),
         first_starts=[
-            ", ".join(map(str, starts[:FIRST])) + ", ..." * (len(starts) > FIRST)
+            ", ".join(f"{seed}:{start}" for seed, start in starts[:FIRST])
+            + ", ..." * (len(starts) > FIRST)
             for starts in table.starts
         ],
     )
     columns = ["task", "method", "split", "mode", "failed", "episodes", "share", "first_starts"]
-    named = shown[columns].rename(columns={"first_starts": "first starts"})
+    named = shown[columns].rename(columns={"first_starts": "first seed:start"})
     text: str = named.to_markdown(index=False, disable_numparse=True)
     return text if len(table) else "no episode failed"
 
@@ -159,9 +160,12 @@ def _as_text(table: "pd.DataFrame") -> str:
 def _films(folder: Path, table: "pd.DataFrame") -> list[str]:
     """Returns, for each task, the command that films its methods from a start that fails."""
     failed = table[table.split == "test"]
-    return [
-        f"bench video {task} --results {shlex.quote(str(folder))}"
-        f" --methods {shlex.quote(','.join(part.method.unique()))}"
-        f" --start {min(part.starts.iloc[0])}"
-        for task, part in failed.groupby("task", sort=False)
-    ]
+    films = []
+    for task, part in failed.groupby("task", sort=False):
+        seed, start = min(part.starts.iloc[0])
+        films.append(
+            f"bench video {task} --results {shlex.quote(str(folder))}"
+            f" --methods {shlex.quote(','.join(part.method.unique()))}"
+            f" --seed {seed} --start {start}"
+        )
+    return films

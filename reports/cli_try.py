@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def try_method(
     method: Annotated[str, typer.Argument(help="Name of a method, such as nn; see `bench list`.")],
     task: Annotated[str, typer.Option(help="Name of a task, such as tool.")] = "door",
-    seed: Annotated[int, number(1, "Seed of the method's random numbers.")] = 1,
+    seed: Annotated[int, number(1, "Seed of the demonstrations, starts and random numbers.")] = 1,
     episodes: Annotated[
         int, number(1, "Number of episodes, one from each of the first test starts.")
     ] = 200,
@@ -92,10 +92,11 @@ def _as_json(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> 
 
 def _heading(trial: "Trial") -> str:
     fit = trial.cell.fit
-    seed = [f"seed {fit.seed}"] if fit.seed else []
     name = fit.method if fit.size == "single" else f"{fit.method} {fit.size}"
     starts = f"first {count_of(len(trial.success), 'start')} of test"
-    return " · ".join([f"{name} on {fit.task}", count_of(fit.demos, "demo"), *seed, starts])
+    return " · ".join(
+        [f"{name} on {fit.task}", count_of(fit.demos, "demo"), f"seed {fit.seed}", starts]
+    )
 
 
 def _table(trial: "Trial", others: "pd.DataFrame") -> str:
@@ -155,10 +156,10 @@ def _next_commands(trial: "Trial", out: Path) -> str:
     rows = labelled(Results(out).frame())
     name = rows[rows.folder == folder_name(fit.label, fit.key)].method.iloc[0]
     start = (failed or [0])[0]
-    film = f"bench video {fit.task} --results {folder} --start {start} --methods {name}"
+    film = f"bench video {fit.task} --results {folder} --methods {name}"
+    film += f" --seed {fit.seed} --start {start}"
     if not failed:
         return f"none failed; film of one: {film}"
-    seed = f" --seed {fit.seed}" if fit.seed else ""
-    shown = f"bench failures {folder} --method {name} --task {fit.task}{seed}"
+    shown = f"bench failures {folder} --method {name} --task {fit.task} --seed {fit.seed}"
     diverged = f" ({trial.diverged} diverged)" if trial.diverged else ""
     return f"{len(failed)} failed{diverged}: {shown}\nfilm of the first: {film}"

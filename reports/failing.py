@@ -123,7 +123,7 @@ def count_modes(task: "Task", whole: pd.DataFrame) -> pd.DataFrame:
     """Returns how often each failure mode occurs, in the task's order.
 
     Columns: ``split``, ``mode``, ``failed`` and ``episodes`` in numbers, ``share`` [%], and
-    ``starts``, the list of their indices.
+    ``starts``, the list of their seeds and indices.
 
     Args:
         task: of the episodes.
@@ -133,7 +133,8 @@ def count_modes(task: "Task", whole: pd.DataFrame) -> pd.DataFrame:
     for split, part in whole.groupby("split", sort=False):
         failed = part[~part.success]
         for mode in modes_of(task, failed):
-            starts = failed.start[failed["mode"].isna() if mode is None else failed["mode"] == mode]
+            failed_so = failed[failed["mode"].isna() if mode is None else failed["mode"] == mode]
+            starts = set(zip(failed_so.seed.tolist(), failed_so.start.tolist(), strict=True))
             rows.append(
                 {
                     "split": split,
@@ -141,7 +142,7 @@ def count_modes(task: "Task", whole: pd.DataFrame) -> pd.DataFrame:
                     "failed": len(starts),
                     "episodes": len(part),
                     "share": 100 * len(starts) / len(part),
-                    "starts": sorted({int(start) for start in starts}),
+                    "starts": sorted(starts),
                 }
             )
     return pd.DataFrame(rows, columns=["split", "mode", "failed", "episodes", "share", "starts"])

@@ -112,6 +112,7 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
     for task in ordered(found.task, TASKS):
         here = found[found.task == task].set_index("method", drop=False)
         for method in ordered(here.method, METHODS):
+            seed = here.loc[method].seed
             success = results.outcomes(here.loc[method].to_dict()).success.to_numpy(bool)
             start = None if success.all() else int(np.argmin(success))
             rows.append(
@@ -120,9 +121,9 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
                     "method": results.display(method),
                     "own": method in results.own,
                     "start": start,
-                    "film": films.get(f"{task}-start-{start}"),
+                    "film": films.get(f"{task}-s{seed}-start-{start}"),
                     "command": f"bench video {task} --results {place}"
-                    f" --methods {shlex.quote(method)} --start {start}",
+                    f" --methods {shlex.quote(method)} --seed {seed} --start {start}",
                 }
             )
     return rows

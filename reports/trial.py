@@ -33,7 +33,7 @@ class Trial:
 
     cell: Cell
     success: BoolArray
-    """(N,) from the first N starts of ``test``."""
+    """(N,) from the first N starts of ``test`` of the seed."""
     diverged: int = 0
     """Number of episodes that diverged, for example after a prediction that is not finite."""
 
@@ -50,7 +50,9 @@ class Trial:
         return [int(start) for start in np.flatnonzero(~self.success)]
 
     def compare(self, reference: Results) -> pd.DataFrame:
-        """Returns one row for each shipped method on the trial's starts, the best rate first.
+        """Returns one row for each shipped method with the trial's seed, the best rate first.
+
+        It has learnt from the same demonstrations and met the same starts.
 
         If a shipped method has met fewer starts, its row is about those. There are no rows if
         `differing_settings` has some, since the methods cannot be compared.
@@ -66,7 +68,9 @@ class Trial:
         theirs = self._others(reference)
         rows = []
         for method in theirs.method.unique() if self.differing_settings(reference).empty else ():
-            found = reference.success(task=self.cell.fit.task, method=method, split="test")
+            found = reference.success(
+                task=self.cell.fit.task, method=method, split="test", seed=self.cell.fit.seed
+            )
             assert found is not None
             success = found[:, : len(self.success)]
             interval = rate_interval(success, f"{self.cell.fit.task} test {method}")
@@ -108,8 +112,9 @@ class Trial:
         return pd.DataFrame(rows, columns=SETTINGS)
 
     def _others(self, reference: Results) -> pd.DataFrame:
-        """Returns the shipped evaluations of methods on the task's ``test`` starts."""
-        return without_expert(reference.main(task=self.cell.fit.task, split="test"))
+        """Returns the shipped evaluations of methods on the trial's starts."""
+        fit = self.cell.fit
+        return without_expert(reference.main(task=fit.task, split="test", seed=fit.seed))
 
 
 def trial_of(study: Study, folder: Path) -> Trial:

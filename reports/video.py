@@ -84,24 +84,27 @@ class RecordingPolicy:
         return self.policy.act(simulator, step)
 
 
-def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path: Path) -> None:
-    """Writes an MP4 film of methods, each fitted with its first seed, from one start of ``test``.
+def film(
+    folder: Path, task_name: str, methods: Sequence[str], seed: int, start: int, path: Path
+) -> None:
+    """Writes an MP4 film of methods, fitted with the same seed, from one of its ``test`` starts.
 
     Args:
         folder: results of `bench run`.
         task_name: name of the task.
         methods: names, from left to right.
+        seed: of the fits and of the start.
         start: index of the start.
         path: of the film.
 
     Raises:
-        InputError: a method has no results on this task.
+        InputError: a method has no results of that seed on this task.
     """
     import imageio_ffmpeg
 
     task = get_task(task_name)
-    starts = task.sample("test", start + 1)[start:]
-    say(f"simulating start {start} of {task_name}")
+    starts = task.sample("test", start + 1, seed)[start:]
+    say(f"simulating start {start} of {task_name}, seed {seed}")
     known_labels = list(_tested(Results(folder), task_name).method.unique())
     labels = [label for name in methods for label in labels_of(name, known_labels)]
     takes = [take(folder, task, label, starts) for label in labels]
@@ -115,18 +118,23 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
         writer.close()
 
 
-def success_and_failure(folder: Path, task_name: str, method: str) -> dict[str, int]:
-    """Returns the first starts of ``test`` where a method's first seed succeeds and fails."""
+def lowest_seed(folder: Path, task_name: str, method: str) -> int:
+    """Returns the lowest seed of a method with results on test starts of a task."""
+    return int(_rows(Results(folder), task_name, method).seed.min())
+
+
+def success_and_failure(folder: Path, task_name: str, method: str, seed: int) -> dict[str, int]:
+    """Returns the first starts of ``test`` where a method with a seed succeeds and fails."""
     results = Results(folder)
-    success = results.outcomes(_row(results, task_name, method)).success.to_numpy(bool)
+    success = results.outcomes(_row(results, task_name, method, seed)).success.to_numpy(bool)
     found = {"success": np.flatnonzero(success), "failure": np.flatnonzero(~success)}
     return {name: int(starts[0]) for name, starts in found.items() if len(starts)}
 
 
 def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
-    """Returns the episode of a method from a start."""
+    """Returns the episode of a method, fitted with the seed of a start, from that start."""
     stored, results = StoredResults(folder), Results(folder)
-    cell = stored_cell(stored, _row(results, task.name, method), 1)
+    cell = stored_cell(stored, _row(results, task.name, method, starts.seed), 1)
     if cell.fit.method != EXPERT:
         known(cell.fit.method)  # importing the package may end the process
     policy = make_policy(cell.fit, *stored_bytes(cell, stored))
@@ -159,10 +167,17 @@ def _tested(results: Results, task: str) -> pd.DataFrame:
     return found
 
 
-def _row(results: Results, task: str, method: str) -> dict[str, Any]:
+def _rows(results: Results, task: str, method: str) -> pd.DataFrame:
     tested = _tested(results, task)
-    label = labels_of(method, list(tested.method.unique()))[0]
-    return dict(tested[tested.method == label].sort_values("seed").to_dict("records")[0])
+    return tested[tested.method == labels_of(method, list(tested.method.unique()))[0]]
+
+
+def _row(results: Results, task: str, method: str, seed: int) -> dict[str, Any]:
+    found = _rows(results, task, method)
+    if seed not in set(found.seed):
+        have = ", ".join(map(str, sorted(found.seed)))
+        raise InputError(f"{method} has no results of seed {seed} on {task}; it has {have}")
+    return dict(found[found.seed == seed].to_dict("records")[0])
 
 
 def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended: bool) -> Frame:

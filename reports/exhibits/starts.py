@@ -24,7 +24,9 @@ OUTCOMES: dict[str, dict[str, Any]] = {
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a line for each method, task, split and start: ``value``, the share of seeds [%].
+    """Returns a line for each method, task, split and start of the lowest seed.
+
+    ``value`` is the share of seeds that succeed [%].
 
     Columns: ``split``, ``start`` its index, ``seeds``, ``n`` starts of the split that are shown,
     and a column for each number of a start.
@@ -34,11 +36,15 @@ def table(results: Results) -> pd.DataFrame:
     parts = []
     for split in SPLITS:
         found = results.main(split=split)
+        seed = found.seed.min()
+        # In the shipped results all seeds met the same starts; their KODex has seed 0.
+        chosen = {"seed": seed} if seed else {}
         for task, method in found[["task", "method"]].drop_duplicates().to_numpy():
-            success = results.success(task=task, method=method, split=split)
-            assert success is not None
+            success = results.success(task=task, method=method, split=split, **chosen)
+            if success is None:
+                continue
             success = success[:, :SHOWN]
-            values = start_values(get_task(task), split, success.shape[1])
+            values = start_values(get_task(task), split, success.shape[1], seed)
             facts = {"split": split, "value": 100 * success.mean(axis=0), "seeds": len(success)}
             parts.append(values.assign(row=method, column=task, n=success.shape[1], **facts))
     if not parts:
