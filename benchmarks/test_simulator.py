@@ -130,7 +130,7 @@ def tracked(task):
     states[:, 0] = first
     actions = rng.uniform(-1, 1, (CHUNK, task.horizon - 1, task.layout.action_dim))
     motions = Demos(starts, states, states[:, :, : task.robot_dim], actions)
-    weights = train_controller(ControllerConfig(epochs=1), motions[:16], task.name)
+    weights = train_controller(ControllerConfig(epochs=1), motions[:16], task.name, 1)
     return TrackedMotion(InOrder(motions), Controller(weights))
 
 

@@ -48,7 +48,7 @@ def demos_key(task: Task) -> str:
     )
 
 
-def demos_path(task: Task, seed: int) -> Path:
+def demos_path(task: Task, seed: int = 1) -> Path:
     """Returns the path in the cache of the expert's demonstrations for a seed."""
     return cache_folder() / _FOLDER / f"{task.name}-{demos_key(task)[:16]}-s{seed}.safetensors"
 

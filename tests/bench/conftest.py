@@ -20,11 +20,11 @@ class Stored:
     """A writer of a results folder that holds one fit and four episodes of it."""
 
     writer: ResultsWriter
-    fit = Fit("door", "kodex", "described", "single", {"observables": 3, **KODEX}, 10, 0, "r")
-    other = Fit("door", "kodex", "described", "single", {"observables": 2, **KODEX}, 10, 0, "r")
+    fit = Fit("door", "kodex", "described", "single", {"observables": 3, **KODEX}, 10, 1, "r")
+    other = Fit("door", "kodex", "described", "single", {"observables": 2, **KODEX}, 10, 1, "r")
     """A fit with the same label that is not stored."""
     evaluation = Evaluation("door", "test", controller_key="c")
-    controller = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "r")
+    controller = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "r", 1)
     weights = to_bytes({"koopman": np.arange(6.0).reshape(2, 3)})
     losses = to_bytes({"losses": np.ones(3)})
 

@@ -17,7 +17,7 @@ def demos():
 
 
 def test_layers_are_those_of_table_6(demos):
-    shapes = {name: array.shape for name, array in train_controller(CONFIG, demos, "toy").items()}
+    shapes = {name: array.shape for name, array in train_controller(CONFIG, demos, "toy", 1).items()}
     # H = 3, A = 2: 2 H, 4 H, 4 H, 2 H, A.
     assert shapes == {
         "layer0.weight": (12, 6),
@@ -32,7 +32,7 @@ def test_layers_are_those_of_table_6(demos):
 
 
 def test_actions_equal_those_of_the_same_network_in_torch(demos):
-    weights = train_controller(CONFIG, demos, "toy")
+    weights = train_controller(CONFIG, demos, "toy", 1)
     present, wanted = generator("present").standard_normal((2, 7, 3))
     x = torch.tensor(np.concatenate([present, wanted], axis=1), dtype=torch.float32)
     for i in range(4):
@@ -44,13 +44,13 @@ def test_actions_equal_those_of_the_same_network_in_torch(demos):
 
 
 def test_training_is_repeatable_and_does_not_touch_the_global_random_stream(demos):
-    first = train_controller(CONFIG, demos, "toy")
+    first = train_controller(CONFIG, demos, "toy", 1)
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
-    second = train_controller(CONFIG, demos, "toy")
+    second = train_controller(CONFIG, demos, "toy", 1)
     assert torch.equal(torch.rand(3), expected)
-    other = train_controller(CONFIG, demos, "other")
+    other = train_controller(CONFIG, demos, "other", 1)
     for name, array in first.items():
         np.testing.assert_array_equal(second[name], array)
     assert any((other[name] != array).any() for name, array in first.items())
@@ -58,7 +58,7 @@ def test_training_is_repeatable_and_does_not_touch_the_global_random_stream(demo
 
 def test_the_controller_reproduces_its_training_actions(demos):
     config = ControllerConfig(epochs=400, batch_size=8, learning_rate=3e-3)
-    controller = Controller(train_controller(config, demos, "toy"))
+    controller = Controller(train_controller(config, demos, "toy", 1))
     q = demos.states[:, :, :3]
     actions = controller.act(q[:, :-1].reshape(-1, 3), q[:, 1:].reshape(-1, 3))
     assert np.abs(actions - demos.actions.reshape(-1, 2)).mean() < 0.05

@@ -14,7 +14,7 @@ from bench.trained import trained
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
-SPEC = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "key")
+SPEC = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "key", 1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -54,7 +54,7 @@ def test_every_field_of_a_controller_changes_its_key():
 )
 def test_an_invalid_kind_or_physics_of_a_controller_is_refused(kind, physics, answer):
     with pytest.raises(InputError, match=answer):
-        ControllerSpec("door", kind, ControllerConfig(), 10, "key", physics)
+        ControllerSpec("door", kind, ControllerConfig(), 10, "key", 1, physics)
 
 
 def test_every_controller_of_the_paper_has_a_description():

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 class Failing(Kodex):
     name = "failing"
     version = 7
-    deterministic = False
 
     def fit(self, demos, validation, seed):
         if seed == 2:

@@ -27,12 +27,12 @@ pytestmark = [
 
 @pytest.fixture
 def fit(task, shipped):
-    return Fit("door", "kodex", "described", "single", {}, 4, 0, demos_key(task))
+    return Fit("door", "kodex", "described", "single", {}, 4, 1, demos_key(task))
 
 
 @pytest.fixture
 def spec(task, shipped):
-    return ControllerSpec("door", ORIGINAL, ControllerConfig(), 4, demos_key(task))
+    return ControllerSpec("door", ORIGINAL, ControllerConfig(), 4, demos_key(task), 1)
 
 
 def test_a_fit_learns_from_the_first_training_demonstrations(task, fit):

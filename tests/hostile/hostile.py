@@ -31,7 +31,6 @@ class Sound(MotionMethod):
     summary = "nearest demonstration"
     sizes = {"single": Config()}
     default_size = {}
-    deterministic = True
     states = None
 
     def __init_subclass__(cls):

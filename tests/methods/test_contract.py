@@ -101,7 +101,7 @@ class Shared(Kodex):
 def test_fit_seeds_must_return_a_separate_object_for_each_seed():
     values = resolved(Kodex.sizes["single"])
     with pytest.raises(ContractError, match="fit_seeds must return 2 of Shared, an object for"):
-        learn(Shared, values, LAYOUT, toy(0, 5), toy(1, 2), [1, 2])
+        learn(Shared, values, LAYOUT, [toy(0, 5)] * 2, [toy(1, 2)] * 2, [1, 2])
 
 
 class Torch(Kodex):
@@ -127,7 +127,7 @@ def test_methods_get_writable_arrays_even_from_read_only_demonstrations():
     for array in (demos.states, demos.velocities, demos.actions, demos.starts.values):
         array.flags.writeable = False
     values = resolved(Torch.sizes["single"])
-    (learnt,) = learn(Torch, values, LAYOUT, demos, demos, [1])
+    (learnt,) = learn(Torch, values, LAYOUT, [demos], [demos], [1])
     motion(learnt.method, demos.states[:, 0], 3)
 
 

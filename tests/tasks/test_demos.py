@@ -132,7 +132,7 @@ def test_files_that_differ_only_in_their_suffix_are_both_read(task, shipped, tmp
     files = [tmp_path / name for name in ("mine.human", "mine.cloned")]
     save_demos(made[:5], files[0])
     save_demos(made, files[1])
-    found = [demos.load_demos(task, demos.adopt_demos(task, file)) for file in files]
+    found = [demos.load_adopted(task, demos.adopt_demos(task, file)) for file in files]
     assert list(map(len, found)) == [5, 8]
 
 
@@ -156,7 +156,7 @@ def test_a_file_in_single_precision_is_converted_to_double(task, shipped, tmp_pa
     made = demos.load_demos(task)
     write_file(tmp_path / "mine", made, states=made.states.astype(np.float32))
     recipe = demos.adopt_demos(task, tmp_path / "mine")
-    found = demos.load_demos(task, recipe)
+    found = demos.load_adopted(task, recipe)
     assert found.states.dtype == np.float64
     np.testing.assert_array_equal(found.states, made.states.astype(np.float32))
     assert demos.adopt_demos(task, tmp_path / "mine") == recipe
