@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from bench.controller import Controller, ControllerConfig, train_controller
+from bench.controller import Controller, ControllerConfig, train_controller, train_controllers
 from tasks.data import Demos, Starts, generator
 
 CONFIG = ControllerConfig(epochs=3, batch_size=16)
@@ -54,6 +54,15 @@ def test_training_is_repeatable_and_does_not_touch_the_global_random_stream(demo
     for name, array in first.items():
         np.testing.assert_array_equal(second[name], array)
     assert any((other[name] != array).any() for name, array in first.items())
+
+
+def test_the_weights_of_a_seed_do_not_depend_on_the_others_or_on_how_many_samples_they_have(demos):
+    alone = train_controller(CONFIG, demos, "toy", 2)
+    other = demos[np.array([3, 1, 0, 2])]
+    several = train_controllers(CONFIG, [other, demos[:3], demos], "toy", [5, 1, 2])
+    for name, array in alone.items():
+        np.testing.assert_array_equal(several[2][name], array)
+        assert (several[0][name] != array).any()
 
 
 def test_the_controller_reproduces_its_training_actions(demos):

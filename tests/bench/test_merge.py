@@ -65,5 +65,5 @@ def test_merge_refuses_results_of_different_versions(task, smoke, bench, tmp_pat
     folders = (str(tmp_path / "a"), str(tmp_path / "b"))
     code, _, error = bench("merge", *folders, "--out", str(tmp_path / "out"))
     assert code == 2
-    assert "holds other results of door-kodex-described-single-n6-s0" in error
+    assert "holds other results of door-kodex-described-single-n6-s1" in error
     assert not (tmp_path / "out/cells").exists()

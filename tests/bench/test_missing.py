@@ -47,7 +47,7 @@ def counted(monkeypatch):
 
         monkeypatch.setattr(jobs, name, noted)
 
-    watch("fit_controller", lambda spec, demos: {"controllers": 1})
+    watch("fit_controllers", lambda specs, demos: {"controllers": len(specs)})
     watch("fit_methods", lambda fits, *demos: {"fits": len(fits)})
     watch("evaluate", lambda cell, starts, *others: {"evaluations": 1, "episodes": len(starts)})
     monkeypatch.setattr("bench.plan.trained", lambda spec: None)

@@ -55,7 +55,7 @@ def test_packed_parts_equal_one_run(task, smoke, bench, tmp_path, files_of, monk
     bench(*run, other)
     code, _, error = bench("pack", packed, other, "--out", packed)
     assert code == 2
-    assert "different results of door-kodex-described-single-n6-s0" in error
+    assert "different results of door-kodex-described-single-n6-s1" in error
     pd.testing.assert_frame_equal(episodes, pd.read_parquet(tmp_path / "packed/episodes.parquet"))
 
 

@@ -78,7 +78,7 @@ def test_a_run_refuses_a_folder_with_results_of_another_controller(task, smoke, 
     ):
         with pytest.raises(InputError, match=answer) as refusal:
             run(other, tmp_path, Workers(1, "sequential"))
-        assert "of door-kodex-described-single-n6-s0 with" in str(refusal.value)
+        assert "of door-kodex-described-single-n6-s1 with" in str(refusal.value)
         assert "choose another folder" in str(refusal.value)
     assert files_of(tmp_path) == before
     assert StoredResults(tmp_path).manifest() == asked
@@ -129,7 +129,7 @@ def test_time_measures_each_fit_once(task, smoke, bench, tmp_path):
     assert StoredResults(tmp_path).frame().fit_seconds.isna().all()
     code, said, _ = bench("time", str(tmp_path))
     assert code == 0
-    assert said.startswith("door-kodex-described-single-n6-s0: ")
+    assert said.startswith("door-kodex-described-single-n6-s1: ")
     assert "2 fits timed" in said
     frame = StoredResults(tmp_path).frame()
     assert (frame[frame.method != "expert"].fit_seconds > 0).all()
@@ -152,17 +152,8 @@ def test_an_audit_evaluates_other_masses_and_other_controllers(task, smoke, benc
         "original": 1,
         "unclipped": 1,
         "tuned-on-successes": 4,
-        **{f"original-{seed}": 1 for seed in (2, 3, 4, 5)},
     }
-    weights = [p.read_bytes() for p in tmp_path.glob("controllers/door-original*/*.safetensors")]
-    assert len(set(weights)) == 5
     assert bench("report", str(tmp_path))[0] == 0
     tables = tmp_path / "report/tables"
-    luck = pd.read_csv(tables / "audit_controller.csv")
-    assert set(luck.row) == {"kodex door"}
-    each, mean = luck[luck.column != "mean"], luck[luck.column == "mean"]
-    assert each.column.tolist() == ["original", *(f"original-{s}" for s in (2, 3, 4, 5))]
-    assert (each.n == 3).all()
-    assert mean.value.item() == pytest.approx(each.value.mean())
     assert "kodex unclipped,door" in (tables / "audit_variant.csv").read_text()
     assert "door heavy_palm,kodex" in (tables / "audit_physics.csv").read_text()

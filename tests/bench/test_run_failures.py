@@ -44,7 +44,7 @@ def test_a_failed_fit_leaves_other_fits_of_the_method_in_the_results(
         assert bench("run", "smoke", *options, *setting)[0] == code
     assert set(load(tmp_path).method) == {"expert", "kodex"}
     (failure,) = StoredResults(tmp_path).failures()
-    assert failure["label"] == "door-kodex-observables=2-described-single-n6-s0"
+    assert failure["label"] == "door-kodex-observables=2-described-single-n6-s1"
 
 
 def test_a_failed_seed_is_stored_as_a_failure_and_the_other_seeds_run(

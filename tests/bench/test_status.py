@@ -30,7 +30,7 @@ def test_status_counts_evaluations_with_all_requested_episodes(task, smoke, tmp_
     run(get_preset("smoke"), tmp_path, Workers(1, "sequential"))
     results = StoredResults(tmp_path)
     wanted = {one.place: one for one in results.manifest().wanted}
-    label = "door-kodex-described-single-n6-s0"
+    label = "door-kodex-described-single-n6-s1"
     test, ood = (
         wanted[label, f"eval-{split}-nominal-original-appendix"] for split in ("test", "ood")
     )

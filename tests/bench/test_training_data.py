@@ -79,9 +79,45 @@ def test_counting_episodes_records_no_demonstrations(task, fit):
     assert not demos_path(task).exists()
 
 
-def test_episodes_from_the_starts_of_a_file_are_counted(task, fit, tmp_path):
-    save_demos(load_demos(task)[:5], tmp_path / "mine")
+def test_a_seed_draws_which_demonstrations_of_a_file_train_and_which_validate(task, fit, tmp_path):
+    made = load_demos(task)[:5]
+    save_demos(made, tmp_path / "mine")
     own = replace(fit, demos_key=adopt_demos(task, tmp_path / "mine"))
-    cell = Cell(own, Evaluation("door", "validation"), 20)
-    assert wanted_episodes(cell) == len(starts_of(cell)) == 2
-    assert (starts_of(cell).values == load_demos(task).starts.values[3:5]).all()
+    parts = []
+    for seed in range(1, 9):
+        cell = Cell(replace(own, seed=seed), Evaluation("door", "validation"), 20)
+        assert wanted_episodes(cell) == len(starts_of(cell)) == 2
+        unseen = starts_of(cell).index.tolist()
+        assert sorted([*training_demos(cell.fit).starts.index, *unseen]) == [*made.starts.index]
+        parts.append(tuple(unseen))
+    assert len(set(parts)) > 1
+    repeated = Cell(replace(own, seed=1), Evaluation("door", "validation"), 20)
+    assert tuple(starts_of(repeated).index) == parts[0]
+
+
+def test_all_methods_of_a_seed_and_the_expert_meet_the_same_starts_and_two_seeds_none(task, fit):
+    def starts(seed, method, split):
+        chosen = replace(fit, method=method, seed=seed)
+        return starts_of(Cell(chosen, Evaluation("door", split), 50)).values
+
+    for split in ("test", "ood"):
+        mine = [starts(1, method, split) for method in ("kodex", "nn", "expert")]
+        assert (mine[0] == mine[1]).all()
+        assert (mine[0] == mine[2]).all()
+        assert not np.isin(mine[0], starts(2, "kodex", split)).any()
+
+
+def test_a_seed_learns_from_its_own_demonstrations_and_rollouts(fit, spec):
+    tuned = replace(spec, kind=TUNED, physics="heavy_hand")
+    for of in (fit, spec):
+        one, two = (training_demos(replace(of, seed=seed)) for seed in (1, 2))
+        assert not np.isin(one.starts.values, two.starts.values).any()
+    one, two = (controller_demos(replace(tuned, seed=seed)) for seed in (1, 2))
+    assert not np.isin(one.starts.values, two.starts.values).any()
+
+
+def test_held_out_demonstrations_follow_those_that_train(task, fit):
+    few = replace(fit, demos=3, held_out=2)
+    demos = load_demos(task)
+    np.testing.assert_array_equal(training_demos(few).states, demos.states[:3])
+    np.testing.assert_array_equal(validation_demos(few).states, demos.states[3:5])

@@ -16,7 +16,7 @@ def test_verify_finds_results_of_this_machine_identical(task, smoke, bench, tmp_
     assert {one["verdict"] for one in found} == {"identical"}
     assert {one["episodes"] for one in found} == {2, 20}
     code, said, _ = bench(*options, "--episodes", "4")
-    assert "identical: door-expert eval-ood-nominal-none-appendix: 2 of 4 stored, 2 again" in said
+    assert "identical: door-expert-s1 eval-ood-nominal-none-appendix: 2 of 4 stored, 2 again" in said
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -26,7 +26,7 @@ def test_verify_names_results_that_differ(task, smoke, bench, tmp_path, monkeypa
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
     assert (
-        "outside the interval: door-expert eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag"
+        "outside the interval: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag"
         in said
     )
 

@@ -98,8 +98,6 @@ class OneVariant(Kodex):
 class Seeded(OneVariant):
     """KODex whose fit depends on the seed."""
 
-    deterministic = False
-
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
         self._koopman[0] *= 1 + 0.01 * seed
@@ -161,10 +159,6 @@ class FirstSeedForAll(Seeded):
     @classmethod
     def fit_seeds(cls, config, layout, demos, validation, seeds):
         return super().fit_seeds(config, layout, demos, validation, [seeds[0]] * len(seeds))
-
-
-class SeededInSecret(Seeded):
-    deterministic = True
 
 
 class GlobalStream(OneVariant):
@@ -279,7 +273,6 @@ class Raises(OneVariant):
         (Still, "beats_holding_still", "holding still has"),
         (Nondeterministic, "same_seed_same_answer", "answer differently"),
         (FirstSeedForAll, "seeds_alone_or_together", "apart for seed 2"),
-        (SeededInSecret, "one_answer_if_deterministic", "two seeds answer differently"),
         (GlobalStream, "process_untouched", "global random stream of torch"),
         (GlobalStream, "global_streams_unused", "depend on a global random stream"),
         (SeedsGlobally, "process_untouched", "global random stream of random"),

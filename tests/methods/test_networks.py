@@ -43,7 +43,7 @@ def as_module(weights, name, index=0):
 
 
 def train(draw, loss, data, schedule=SCHEDULE, seeds=(1, 2), **options):
-    return minimise(draw, loss, data, schedule, "test", seeds, **options)
+    return minimise(draw, loss, [data] * len(seeds), schedule, "test", seeds, **options)
 
 
 def draw_line(rng):
@@ -104,12 +104,15 @@ def test_a_decaying_learning_rate_falls_linearly_to_zero(line, monkeypatch):
 
 @pytest.mark.parametrize("method", [NN, LSTM, NDP, NGF, PublishedNGF])
 def test_a_seed_gives_the_same_weights_alone_and_beside_others(method):
-    demos, validation = toy(0, 16), toy(1, 16)  # batches of full vectors, see docs/methods.md
+    # Each seed has demonstrations of its own; batches of full vectors, see docs/methods.md
     config = replace(shortened(method.sizes["small"], 1), batch_size=16)
-    alone, pair, last = (
-        method.fit_seeds(config, LAYOUT, demos, validation, seeds)[seeds.index(1)].parameters()
-        for seeds in ([1], [1, 7], [7, 3, 1])
-    )
+
+    def weights_of_seed_1(seeds):
+        demos, validation = [toy(seed, 16) for seed in seeds], [toy(10 + seed, 16) for seed in seeds]
+        fitted = method.fit_seeds(config, LAYOUT, demos, validation, seeds)
+        return fitted[seeds.index(1)].parameters()
+
+    alone, pair, last = map(weights_of_seed_1, ([1], [1, 7], [7, 3, 1]))
     for name, array in alone.items():
         np.testing.assert_array_equal(pair[name], array)
         np.testing.assert_array_equal(last[name], array)
@@ -170,6 +173,12 @@ def test_the_weights_of_the_lowest_validation_loss_are_kept(line):
     np.testing.assert_array_equal(first.weights["layer0.bias"], seen[1][0])
     np.testing.assert_array_equal(second.weights["layer0.bias"], seen[0][1])
     np.testing.assert_array_equal(first.validation, [3, 1, 2])
+
+
+def test_seeds_with_unequal_numbers_of_samples_are_refused(line):
+    fewer = [part[:7] for part in line]
+    with pytest.raises(TrainingError, match=r"as many samples each, got \[10, 7\]"):
+        minimise(draw_line, line_loss, [line, fewer], SCHEDULE, "test", [1, 2])
 
 
 def test_a_training_without_samples_is_refused(line):

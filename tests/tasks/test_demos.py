@@ -58,6 +58,21 @@ def test_demonstrations_are_the_first_successes_of_the_expert(task, shipped):
     assert np.abs(made.actions).max() <= 1
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_each_seed_has_a_file_of_demonstrations_from_its_own_starts(task, shipped):
+    one, two = demos.load_demos(task, 1), demos.load_demos(task, 2)
+    assert (one.starts.seed, two.starts.seed) == (1, 2)
+    for made in (one, two):
+        tried = task.sample("demo", 15, made.starts.seed)
+        np.testing.assert_array_equal(made.starts.values, tried.values[made.starts.index])
+    assert not np.isin(one.starts.values, two.starts.values).any()
+    assert demos.demos_path(task, 1) != demos.demos_path(task, 2)
+    data = demos.demos_path(task, 2).read_bytes()
+    demos.demos_path(task, 2).unlink()
+    demos.load_demos(task, 2)
+    assert demos.demos_path(task, 2).read_bytes() == data
+
+
 def test_raw_actions_equal_the_recorded_ones_after_clipping(task, shipped):
     starts, expert = task.sample("demo", 5), experts.load_expert(task).policy
     (_, clipped), (_, raw) = (record(task, starts, expert, raw=raw) for raw in (False, True))
@@ -89,7 +104,7 @@ def test_cached_demonstrations_are_reused_and_reproducible(task, shipped):
     path.unlink()
     demos.load_demos(task)
     assert path.read_bytes() == data
-    part = make_demos(task, experts.load_expert(task).policy, 3, threads=1)
+    part = make_demos(task, experts.load_expert(task).policy, 3, seed=1, threads=1)
     np.testing.assert_array_equal(part.states, first[:3].states)
 
 

@@ -70,6 +70,25 @@ def test_no_two_splits_share_a_stream():
             assert not np.isin(values, others).any()
 
 
+@given(tasks, st.sampled_from(SPLITS), st.integers(0, 99), st.integers(0, 99))
+def test_two_seeds_have_no_start_in_common(task, split, seed, other):
+    mine, theirs = (task.sample(split, 50, number) for number in (seed, other))
+    assert (mine.seed, theirs.seed) == (seed, other)
+    if seed == other:
+        np.testing.assert_array_equal(mine.values, theirs.values)
+    else:
+        assert not np.isin(mine.values, theirs.values).any()
+
+
+def test_chosen_starts_keep_their_seed(task):
+    assert task.sample("test", 5, 3)[2:4].seed == 3
+
+
+def test_a_negative_seed_is_refused(task):
+    with pytest.raises(InputError, match="seed of starts must be 0 or more, got -1"):
+        task.sample("test", 2, -1)
+
+
 def test_boxes_out_of_distribution_are_drawn_equally_often(task):
     values = task.sample("ood", 20_000).values
     boxes = task.ranges("ood")
