@@ -91,7 +91,8 @@ def test_describe_gives_the_experiments_of_a_preset(bench):
     facts = json.loads(out)
     assert code == 0
     assert facts["episodes"] == PRESETS["paper"].episodes
-    assert facts["seeds"] == [1, 2, 3, 4, 5]
+    assert facts["seeds"] == list(range(1, 11))
+    assert "repeats the whole study" in facts["seed"]
     assert facts["evaluations"] > facts["fits"] > 500
     assert "bench plan paper" in bench("describe", "paper")[1]
 

@@ -49,18 +49,19 @@ class TestFailures:
         assert found.steps.tolist() == stored.steps[~stored.success].tolist()
         numbers = [component.name for component in task.start_components]
         np.testing.assert_array_equal(
-            found[numbers], task.sample("test", STARTS).values[found.start]
+            found[numbers], task.sample("test", STARTS, 1).values[found.start]
         )
 
     def test_command_prints_modes_and_the_film_command_and_draws_starts(self, bench, task, results):
         code, out, err = bench("failures", str(results), "--method", "kodex", "--split", "test")
         assert code == 0
-        assert "replaying 3 failed episodes: kodex, seed 0" in err
-        assert "0, 3, 6" in out
+        assert "replaying 3 failed episodes: kodex, seed 1" in err
+        assert "1:0, 1:3, 1:6" in out
         path = results / "pictures" / f"failures-{task.name}.png"
         assert path.stat().st_size
         assert str(path) in out
-        film = f"film: bench video {task.name} --results {results} --methods kodex --start 0"
+        film = f"film: bench video {task.name} --results {results} --methods kodex"
+        film += " --seed 1 --start 0"
         assert film in out
 
     def test_json_lists_all_failing_starts_of_both_splits(self, bench, task, results):
@@ -70,7 +71,7 @@ class TestFailures:
         assert {row["split"] for row in said["modes"]} == {"test", "ood"}
         assert {row["method"] for row in said["modes"]} == {"kodex"}
         starts = [one for row in said["modes"] if row["split"] == "test" for one in row["starts"]]
-        assert sorted(starts) == [0, 3, 6]
+        assert sorted(starts) == [[1, 0], [1, 3], [1, 6]]
         assert said["pictures"] == [str(results / "pictures" / f"failures-{task.name}.png")]
 
     def test_failures_of_packed_results_have_no_modes(self, bench, task, results, tmp_path):
@@ -123,7 +124,7 @@ class TestMotions:
         assert found.predicted.isna().all()
         names = [one.name for one in task.components[: task.robot_dim]]
         expert = load_expert(task).policy
-        shown = record(task, task.sample("test", 5)[4:], expert, failures=True)[1]
+        shown = record(task, task.sample("test", 5, 1)[4:], expert, failures=True)[1]
         wide = found.pivot(index="t", columns="joint", values="demonstrated")[names]
         np.testing.assert_array_equal(wide, shown.states[0, :, : task.robot_dim])
         tracked = found.pivot(index="t", columns="joint", values="tracked")[names]
@@ -216,7 +217,7 @@ def test_shown_numbers_are_those_that_go_beyond_the_training_range(name, numbers
 
 
 def test_summary_of_starts_gives_success_in_each_half_of_a_range():
-    values = start_values(get_task("tool"), "test", 50)
+    values = start_values(get_task("tool"), "test", 50, 1)
     share = np.where(values.nail_height > 0.175, 100.0, 0.0)
     table = values.assign(row="nn", column="tool", split="test", value=share)
     found = halves(table).set_index("row").value
@@ -230,7 +231,7 @@ def test_each_failure_mode_has_its_own_look(name):
 
 def episodes(modes, seed=1, split="test"):
     task = get_task("door")
-    values = start_values(task, split, len(modes))
+    values = start_values(task, split, len(modes), seed)
     failed = np.array([mode is not None for mode in modes])
     labels = {"seed": seed, "split": split, "mode": modes, "steps": 69, "success": ~failed}
     return values.assign(**labels)
@@ -242,7 +243,7 @@ def test_count_modes_counts_over_seeds_in_the_tasks_order():
     counts = count_modes(get_task("door"), whole)
     assert counts["mode"].tolist() == [turned, lost]
     assert counts.failed.tolist() == [1, 2]
-    assert counts.starts.tolist() == [[2], [0]]
+    assert counts.starts.tolist() == [[(1, 2)], [(1, 0), (2, 0)]]
     assert counts.share.tolist() == pytest.approx([100 / 6, 200 / 6])
 
 
