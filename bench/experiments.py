@@ -182,6 +182,6 @@ def _once(given: Iterable[Cell]) -> list[Cell]:
 
 def _check_configs(found: Iterable[Cell]) -> None:
     """Builds every method, which raises an error if it refuses its config."""
-    for fit in {cell.fit.key: cell.fit for cell in found}.values():
-        if fit.method != EXPERT:
-            fit.build()
+    fits = (cell.fit for cell in found if cell.fit.method != EXPERT)
+    for fit in {(f.task, f.method, f.variant, str(f.config)): f for f in fits}.values():
+        fit.build()
