@@ -28,7 +28,9 @@ class StudyOptions:
 
     preset: Annotated[
         str,
-        typer.Argument(help="Name of a preset: smoke, quick or paper. See `bench describe NAME`."),
+        typer.Argument(
+            help="Name of a preset: smoke, quick, paper or audit. See `bench describe NAME`."
+        ),
     ]
     experiments: Annotated[
         str | None,

@@ -174,7 +174,9 @@ def test_training(compare, demos, method):
     plain_config = replace(config, batch_size=min(config.batch_size, PLAIN_DEMOS))
     compare(
         f"{method.name}_training",
-        ours=lambda: method.fit_seeds(config, LAYOUT, [demos] * len(SEEDS), [demos[:1]] * len(SEEDS), SEEDS),
+        ours=lambda: method.fit_seeds(
+            config, LAYOUT, [demos] * len(SEEDS), [demos[:1]] * len(SEEDS), SEEDS
+        ),
         peer=plain_training(PLAIN[method], plain_config, states, plain_window),
         target=TARGETS[method],
         work=(
@@ -209,7 +211,9 @@ def test_training_in_pieces_that_fit_a_cache(compare, monkeypatch):
 
     def train(at_once: int | None) -> None:
         monkeypatch.setattr(PublishedNGF, "at_once", at_once)
-        PublishedNGF.fit_seeds(config, LAYOUT, [demos] * len(SEEDS), [demos[:1]] * len(SEEDS), SEEDS)
+        PublishedNGF.fit_seeds(
+            config, LAYOUT, [demos] * len(SEEDS), [demos[:1]] * len(SEEDS), SEEDS
+        )
 
     in_pieces = PublishedNGF.at_once
     compare(

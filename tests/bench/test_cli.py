@@ -118,7 +118,8 @@ def test_describe_gives_the_measure_and_counts_of_an_experiment(bench, name):
             assert {cell.evaluation.physics for cell in cells} <= set(facts["physics"])
             assert {cell.evaluation.controller for cell in cells} <= set(facts["controllers"])
     said = bench("describe", name)[1]
-    for expected in (facts["measures"], facts["varies"], "paper", *facts["splits"]):
+    presets = [preset for preset, counts in facts["presets"].items() if counts]
+    for expected in (facts["measures"], facts["varies"], *presets, *facts["splits"]):
         assert expected in said
 
 

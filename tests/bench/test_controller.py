@@ -17,7 +17,9 @@ def demos():
 
 
 def test_layers_are_those_of_table_6(demos):
-    shapes = {name: array.shape for name, array in train_controller(CONFIG, demos, "toy", 1).items()}
+    shapes = {
+        name: array.shape for name, array in train_controller(CONFIG, demos, "toy", 1).items()
+    }
     # H = 3, A = 2: 2 H, 4 H, 4 H, 2 H, A.
     assert shapes == {
         "layer0.weight": (12, 6),

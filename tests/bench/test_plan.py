@@ -122,7 +122,9 @@ def price_of_a_fit():
 
 
 def time_of_a_fit():
-    return fit_methods(block("kodex"), *([part] for part in machine.random_demos("door")))[0].seconds
+    return fit_methods(block("kodex"), *([part] for part in machine.random_demos("door")))[
+        0
+    ].seconds
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

@@ -97,7 +97,7 @@ def test_a_controller_without_successes_to_learn_from_fails_alone(
     monkeypatch.setattr("bench.training_data.record", record)
     (failed,) = run(study, tmp_path, Workers(1, "sequential")).failed
     assert failed.startswith(
-        "door-tuned-on-successes-heavy_hand: TrainingError: controller of door has no samples"
+        "door-tuned-on-successes-heavy_hand-s1: TrainingError: controller of door has no samples"
         " to learn from"
     )
     tried = StoredResults(tmp_path).frame().query("controller == 'tuned-on-successes'").physics

@@ -50,11 +50,11 @@ def test_a_tuple_may_be_set_with_or_without_brackets(task, smoke, written):
             "has the size 'small'; methods that have it: nn, lstm, ndp",
         ),
         (("smoke", "--variants", "publishd"), "choose from described"),
-        (("smoke", "--variants", "described"), "presets with audit: paper"),
+        (("smoke", "--variants", "described"), "presets with audit: audit"),
         (("smoke", "--experiments", "suces"), "did you mean 'success'"),
         (
             ("smoke", "--experiments", "success,robustness"),
-            "the preset smoke has no experiment 'robustness': use paper, or choose from sizes,",
+            "the preset smoke has no experiment 'robustness': use paper or audit, or choose from sizes,",
         ),
         (("smoke", "--experiments", "lifting"), "use quick or paper, or choose from"),
         (("smoke", "--seeds", "x"), "--seeds takes a number"),

@@ -16,7 +16,9 @@ def test_verify_finds_results_of_this_machine_identical(task, smoke, bench, tmp_
     assert {one["verdict"] for one in found} == {"identical"}
     assert {one["episodes"] for one in found} == {2, 20}
     code, said, _ = bench(*options, "--episodes", "4")
-    assert "identical: door-expert-s1 eval-ood-nominal-none-appendix: 2 of 4 stored, 2 again" in said
+    assert (
+        "identical: door-expert-s1 eval-ood-nominal-none-appendix: 2 of 4 stored, 2 again" in said
+    )
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

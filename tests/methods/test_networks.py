@@ -108,7 +108,10 @@ def test_a_seed_gives_the_same_weights_alone_and_beside_others(method):
     config = replace(shortened(method.sizes["small"], 1), batch_size=16)
 
     def weights_of_seed_1(seeds):
-        demos, validation = [toy(seed, 16) for seed in seeds], [toy(10 + seed, 16) for seed in seeds]
+        demos, validation = (
+            [toy(seed, 16) for seed in seeds],
+            [toy(10 + seed, 16) for seed in seeds],
+        )
         fitted = method.fit_seeds(config, LAYOUT, demos, validation, seeds)
         return fitted[seeds.index(1)].parameters()
 
