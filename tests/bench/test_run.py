@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import pandas as pd
 import pytest
 
 from bench.backend import Workers
@@ -157,3 +156,23 @@ def test_an_audit_evaluates_other_masses_and_other_controllers(task, smoke, benc
     tables = tmp_path / "report/tables"
     assert "kodex unclipped,door" in (tables / "audit_variant.csv").read_text()
     assert "door heavy_palm,kodex" in (tables / "audit_physics.csv").read_text()
+
+
+def test_a_seed_gives_the_same_bytes_alone_and_beside_others_in_any_order(
+    task, smoke, tmp_path, files_of, monkeypatch
+):
+    monkeypatch.setattr("bench.runner.trained", lambda spec: None)  # each run trains controllers
+    study = replace(
+        get_preset("smoke"),
+        methods=("kodex", "nn"),
+        settings={("nn", "epochs"): 2},
+        episodes={"success": 4, "ood": 3},
+    )
+    found = []
+    for name, seeds in (("alone", (2,)), ("beside", (3, 2, 1))):
+        run(replace(study, seeds=seeds), tmp_path / name, Workers(1, "sequential"))
+        files = files_of(tmp_path / name)
+        found.append({path: digest for path, digest in files.items() if "-s2-" in path})
+    assert found[0] == found[1]
+    assert sum(path.endswith(".parquet") for path in found[0]) == 3 * 2
+    assert sum(path.endswith(".safetensors") for path in found[0]) == 3
