@@ -7,6 +7,7 @@ cache has are trained, in minutes; files of other controllers of the tasks are r
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from bench.computing import fit_controllers
 from bench.experiments import cells_of
@@ -20,8 +21,8 @@ from bench.training_data import controller_demos
 from tasks.registry import TASKS
 
 
-def ship(tasks: Sequence[str]) -> list[ControllerSpec]:
-    """Writes the controllers of tasks into the package; returns them."""
+def ship(tasks: Sequence[str], folder: Path = SHIPPED) -> list[ControllerSpec]:
+    """Writes the controllers of tasks into a folder, by default the package's; returns them."""
     study = replace(get_preset("quick"), tasks=tuple(tasks))
     cells = cells_of(study, demos_keys_of(study))
     specs = list(
@@ -33,10 +34,10 @@ def ship(tasks: Sequence[str]) -> list[ControllerSpec]:
         for spec, one in zip(block, fitted, strict=True):
             made[spec.key] = TrainedController(one.parameters, provenance(one.seconds))
     for spec in specs:
-        write(SHIPPED, spec, made[spec.key].weights, made[spec.key].facts)
+        write(folder, spec, made[spec.key].weights, made[spec.key].facts)
     kept = {file_name(spec) for spec in specs}
     for task in tasks:
-        for path in SHIPPED.glob(f"{task}-*"):
+        for path in folder.glob(f"{task}-*"):
             if path.stem not in kept:
                 path.unlink()
     return specs

@@ -67,8 +67,8 @@ class StudyOptions:
     seeds: Annotated[
         str | None,
         typer.Option(
-            help="Seeds, each a repetition of the study: a count (5 means 1 to 5), a list (2,4; 7, for seed 7 alone) or ranges"
-            " (1-3,7). Default: those of the preset."
+            help="Seeds, each a repetition of the study: a count (5 means 1 to 5), a list (2,4; 7,"
+            " for seed 7 alone) or ranges (1-3,7). Default: those of the preset."
         ),
     ] = None
     episodes: Annotated[
