@@ -7,7 +7,7 @@ import pytest
 from bench.controller import ControllerConfig
 from bench.controller_kinds import ABOUT, KINDS, ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED
 from bench.experiments import cells_of
-from bench.presets import get_preset
+from bench.presets import PRESETS, get_preset
 from bench.spec import ControllerSpec
 from bench.study_demos import demos_keys_of
 from bench.trained import trained
@@ -57,15 +57,17 @@ def test_an_invalid_kind_or_physics_of_a_controller_is_refused(kind, physics, an
         ControllerSpec("door", kind, ControllerConfig(), 10, "key", 1, physics)
 
 
-def test_every_controller_of_the_paper_has_a_description():
-    study = get_preset("paper")
-    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
+def test_every_controller_of_the_presets_has_a_description():
+    studies = [replace(get_preset(name), tasks=("door",), seeds=(1,)) for name in PRESETS]
+    cells = [cell for study in studies for cell in cells_of(study, {"door": "key"})]
     assert {cell.evaluation.controller for cell in cells} == set(ABOUT)
 
 
+@pytest.mark.xfail(reason="until `python -m bench.ship_controllers` has run")
 @pytest.mark.parametrize("name", TASKS)
-def test_the_original_controllers_of_the_paper_are_shipped(name):
-    study = replace(get_preset("paper"), tasks=(name,), methods=("kodex",))
+def test_the_controllers_of_quick_are_shipped(name):
+    study = replace(get_preset("quick"), tasks=(name,), methods=("kodex",))
     cells = cells_of(replace(study, episodes={"success": 1}), demos_keys_of(study))
-    (controller,) = (cell.controller for cell in cells if cell.controller)
-    assert trained(controller) is not None
+    controllers = [cell.controller for cell in cells if cell.controller]
+    assert {controller.seed for controller in controllers} == {1, 2}
+    assert all(trained(controller) is not None for controller in controllers)
