@@ -40,9 +40,9 @@ def learning_from(study: Study, files: Sequence[Path]) -> Study:
     counts = [len(split(load_adopted(get_task(task), keys[task]))[0]) for task in keys]
     notes = [
         f"On {task}, the methods and the original controller learnt from the demonstrations of"
-        f" {file.name}, of which each seed draws its own four fifths. The expert in the tables is"
-        " the suite's own, not the demonstrator of that file; tuned and unclipped controllers"
-        " learnt from the suite's expert."
+        f" {file.name}. The expert in the tables is the suite's own, not the demonstrator of that"
+        " file; tuned and unclipped controllers learnt from the suite's expert. Each seed trains on"
+        " four fifths of the file that it draws."
         for task, file in chosen.items()
     ]
     return replace(
