@@ -14,7 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bench.experiments import cells_of
-from bench.presets import get_preset
+from bench.presets import experiment_names, get_preset
 from bench.spec import Evaluation
 from reports import stats, write
 from reports.exhibits import EXHIBITS
@@ -37,9 +37,9 @@ OF_DIAGNOSTICS = {"table_11", "table_12", "figure_6", "figure_7"}
 
 @cache
 def everything():
-    """Returns all evaluations of the preset `paper`, with methods of the suite and of packages."""
+    """Returns evaluations of every experiment, with methods of the suite and of packages."""
     study = replace(get_preset("paper"), methods=SUITE[1:], seeds=(1, 2))
-    study = replace(study, episodes=dict.fromkeys(study.episodes, 12))
+    study = replace(study, episodes=dict.fromkeys(experiment_names(), 12))
     cells = cells_of(study, dict.fromkeys(TASKS, "key"))
     rows = [
         asdict(cell.fit) | asdict(cell.evaluation) | {"folder": f"{cell.fit.label}-{cell.fit.key}"}
@@ -60,7 +60,13 @@ def rows_of(name):
                 for seed in seeds:
                     label = f"{task}-{name}-{size}-{demos}-{seed}"
                     fit = {"method": name, "variant": "described", "size": size, "config": {}}
-                    fit |= {"demos": demos, "seed": seed, "demos_key": "key", "folder": label}
+                    fit |= {
+                        "demos": demos,
+                        "held_out": 0,
+                        "seed": seed,
+                        "demos_key": "key",
+                        "folder": label,
+                    }
                     yield from ({**fit, **asdict(place)} for place in places)
 
 
