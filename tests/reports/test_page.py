@@ -311,16 +311,16 @@ def test_figures_follow_the_theme(opened, report):
 
 
 def test_failing_start_has_a_film_or_the_command_that_makes_it(opened, tmp_path):
-    (tmp_path / "door-s0-start-19.mp4").touch()
+    (tmp_path / "door-s1-start-19.mp4").touch()
     view = opened()
     rows = view.locator("#failures tbody tr")
-    assert rows.first.locator("a").get_attribute("href") == "#film-door-s0-start-19"
-    (tmp_path / "door-s0-start-19.mp4").unlink()
+    assert rows.first.locator("a").get_attribute("href") == "#film-door-s1-start-19"
+    (tmp_path / "door-s1-start-19.mp4").unlink()
     view = opened()
     view.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
     command = view.locator("#failures td code").first
     assert command.text_content() == (
-        "bench video door --results my-study --methods kodex --seed 0 --start 19"
+        "bench video door --results my-study --methods kodex --seed 1 --start 19"
     )
     command.click()
     assert command.evaluate("one => String(getSelection())") == command.text_content()
