@@ -95,7 +95,8 @@ def test_a_config_that_cannot_be_stored_is_refused(value):
 class Shared(Kodex):
     @classmethod
     def fit_seeds(cls, config, layout, demos, validation, seeds):
-        return super().fit_seeds(config, layout, demos, validation, seeds[:1]) * len(seeds)
+        first = demos[:1], validation[:1], seeds[:1]
+        return super().fit_seeds(config, layout, *first) * len(seeds)
 
 
 def test_fit_seeds_must_return_a_separate_object_for_each_seed():
