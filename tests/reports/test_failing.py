@@ -95,7 +95,7 @@ class TestErrors:
             ("--task", "dor"): "did you mean 'door'",
             ("--task", "tool"): "unknown task with results 'tool'",
             ("--split", "tst"): "did you mean 'test'",
-            ("--seed", "9"): "kodex has no results of seed 9 on door; it has 0",
+            ("--seed", "9"): "kodex has no results of seed 9 on door; it has 1",
         }.items():
             code, _, err = bench("failures", str(results), *options)
             assert code == 2
