@@ -178,7 +178,7 @@ def test_non_finite_answers_are_stored_with_their_episodes(stored):
     )
     stored.writer.add_episodes(stored.fit, stored.evaluation, spoilt)
     assert [one.split(";")[0] for one in remarks(stored.results)] == [
-        "kodex on door, seed 0: act returned NaN or inf for 3 of 4 starts, first at t=8"
+        "kodex on door, seed 1: act returned NaN or inf for 3 of 4 starts, first at t=8"
     ]
     stored.writer.add_episodes(stored.fit, stored.evaluation, stored.episodes(2, 6), keep=2)
     ((spec, count, chunks),) = stored.results.non_finite()
