@@ -23,7 +23,7 @@ def test_options_accept_spaces_ranges_exponents_and_all_cores(task, smoke, bench
         for options in (plain, other)
     ]
     counts = ("cells", "missing_fits", "missing_evaluations", "missing_episodes", "memory_gib")
-    assert plans[0]["missing_episodes"] == 2 * 10
+    assert plans[0]["missing_episodes"] == 3 * 2 * 10
     assert [plans[0][name] for name in counts] == [plans[1][name] for name in counts]
 
 
