@@ -182,7 +182,7 @@ def test_non_finite_answers_are_stored_with_their_episodes(stored):
     ]
     stored.writer.add_episodes(stored.fit, stored.evaluation, stored.episodes(2, 6), keep=2)
     ((spec, count, chunks),) = stored.results.non_finite()
-    assert (spec["seed"], count, chunks) == (0, 6, [NonFinite(0, "act", 1, 30)])
+    assert (spec["seed"], count, chunks) == (1, 6, [NonFinite(0, "act", 1, 30)])
     stored.writer.add_episodes(stored.fit, stored.evaluation, stored.episodes(0, 4))
     assert remarks(stored.results) == []
 
