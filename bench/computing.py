@@ -5,23 +5,26 @@ method's results are bytes, see `methods.contract`.
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from bench.controller import Controller, train_controller
+from bench.provenance import provenance, software
 from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit
-from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.base import ActionMethod, Method, MotionMethod, Parameters, fits_together
 from methods.contract import ContractError, Learnt, learn, loaded, motion
 from methods.guard import guarded
 from methods.registry import get_method
 from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
 from tasks.experts import load_expert
 from tasks.files import from_bytes, to_bytes
+from tasks.pins import check_mark
 from tasks.registry import get_task
 from tasks.simulator import CHUNK, Policy, rollout
 
@@ -34,18 +37,31 @@ class Fitted:
     diagnostics: bytes
     seconds: float
     """CPU time, of this seed alone."""
+    facts: Mapping[str, Any]
+    """See `bench.provenance.provenance`."""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The episodes of a cell."""
+
+    episodes: Episodes
+    software: Mapping[str, Any]
+    """See `bench.provenance.software`."""
 
 
 def fit_controller(spec: ControllerSpec, demos: Demos) -> list[Fitted]:
     """Returns a controller's weights."""
+    check_mark(spec.pins)
     began = time.process_time()
     weights = train_controller(spec.config, demos, spec.task, spec.seed)
-    return [Fitted(to_bytes(weights), b"", time.process_time() - began)]
+    return [_fitted(to_bytes(weights), {}, time.process_time() - began)]
 
 
 def fit_methods(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fitted]:
     """Returns what is learnt by each of the fits, which differ only in their seeds."""
     first = fits[0]
+    check_mark(first.pins)
     method, layout = get_method(first.method, first.variant), get_task(first.task).layout
     # A global random stream must not depend on which seeds are fitted together.
     alone = () if fits_together(method) else (first.seed,)
@@ -54,14 +70,21 @@ def fit_methods(fits: Sequence[Fit], demos: Demos, validation: Demos) -> list[Fi
         began = time.process_time()
         learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
         seconds = (time.process_time() - began) / len(fits)
-        return [_fitted(one, validation, seconds) for one in learnt]
+        diagnostics = [_diagnostics(one, validation) for one in learnt]
+        both = zip(learnt, diagnostics, strict=True)
+        return [_fitted(one.parameters, found, seconds) for one, found in both]
 
 
-def _fitted(learnt: Learnt, validation: Demos, seconds: float) -> Fitted:
+def _diagnostics(learnt: Learnt, validation: Demos) -> Parameters:
     diagnostics = from_bytes(learnt.diagnostics)
     if isinstance(learnt.method, MotionMethod):
         diagnostics["imitation_error"] = imitation_error(learnt.method, validation)
-    return Fitted(learnt.parameters, to_bytes(diagnostics) if diagnostics else b"", seconds)
+    return diagnostics
+
+
+def _fitted(parameters: bytes, diagnostics: Parameters, seconds: float) -> Fitted:
+    shown = to_bytes(diagnostics) if diagnostics else b""
+    return Fitted(parameters, shown, seconds, provenance(seconds))
 
 
 def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
@@ -74,7 +97,7 @@ def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
 
 def evaluate(
     cell: Cell, starts: Starts, kept: int, parameters: bytes, controller: bytes, threads: int
-) -> list[Episodes]:
+) -> list[Evaluated]:
     """Returns the episodes of a cell from some starts, as one result.
 
     Each chunk of starts meets the method as it was stored: an earlier chunk changes nothing.
@@ -87,6 +110,7 @@ def evaluate(
         controller: weights of the controller, as stored; empty for what acts by itself.
         threads: of the simulator.
     """
+    check_mark(cell.fit.pins)
     evaluation = cell.evaluation
     task = get_task(evaluation.task, evaluation.rule)
     parts = []
@@ -99,7 +123,7 @@ def evaluate(
             if isinstance(policy, TrackedMotion | FeedbackPolicy):
                 episodes = replace(episodes, non_finite=policy.non_finite(row))
             parts.append(episodes)
-    return [join_episodes(parts)]
+    return [Evaluated(join_episodes(parts), software())]
 
 
 @contextmanager

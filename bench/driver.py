@@ -1,5 +1,6 @@
 """Run a study: work out its cells and let a `Runner` make what is missing of them."""
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +26,7 @@ from bench.study_demos import demos_keys_of
 from methods.registry import introduced
 from tasks.demos import TRAINING
 from tasks.errors import InputError
+from tasks.pins import UNPINNED, pin
 from tasks.words import count_of
 
 
@@ -45,6 +47,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
     """
     where.check()
+    _say_pins()
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
     keys = demos_keys_of(study)
@@ -62,6 +65,15 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
                 runner.want_choice(choice, study, keys)
             runner.work()
         return runner.outcome()
+
+
+def _say_pins() -> None:
+    if pin().why_not:
+        print(
+            f"bench: results are marked {UNPINNED} and may differ in their last bits on other"
+            f" machines: {pin().why_not}",
+            file=sys.stderr,
+        )
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:

@@ -10,16 +10,14 @@ from functools import cached_property
 from typing import ClassVar
 
 from bench.backend import Call
-from bench.computing import Fitted, evaluate, fit_controller, fit_methods
+from bench.computing import Evaluated, Fitted, evaluate, fit_controller, fit_methods
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
 from bench.missing import Missing
-from bench.provenance import provenance
 from bench.results import Results
 from bench.results_writer import ResultsWriter
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit, seed_blocks
 from bench.trained import keep
 from bench.training_data import controller_demos, starts_of, training_demos, validation_demos
-from tasks.data import Episodes
 
 
 @dataclass(frozen=True)
@@ -63,10 +61,9 @@ class ControllerJob:
 
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
-        facts = provenance(result[0].seconds)
-        writer.add_controller(self.spec, result[0].parameters, facts)
+        writer.add_controller(self.spec, result[0].parameters, result[0].facts)
         if self.cached:
-            keep(self.spec, result[0].parameters, facts)
+            keep(self.spec, result[0].parameters, result[0].facts)
 
 
 @dataclass(frozen=True)
@@ -114,7 +111,7 @@ class FitJob:
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
         for fit, made in zip(self.fits, result, strict=True):
-            writer.add_fit(fit, made.parameters, made.diagnostics, provenance(made.seconds))
+            writer.add_fit(fit, made.parameters, made.diagnostics, made.facts)
 
 
 @dataclass(frozen=True)
@@ -172,9 +169,10 @@ class EvaluationJob:
         stored = stored_bytes(self.cell, results)
         return self.label, evaluate, (self.cell, starts, self.kept, *stored, self.threads)
 
-    def store(self, result: Sequence[Episodes], writer: ResultsWriter) -> None:
+    def store(self, result: Sequence[Evaluated], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
-        writer.add_episodes(self.cell.fit, self.cell.evaluation, result[0], self.kept)
+        fit, evaluation, (made,) = self.cell.fit, self.cell.evaluation, result
+        writer.add_episodes(fit, evaluation, made.episodes, made.software, self.kept)
 
 
 RunJob = ControllerJob | FitJob | EvaluationJob

@@ -8,6 +8,7 @@ from bench.manifest import Manifest, Wanted
 from bench.names import cell_path, controller_path, evaluation_path
 from bench.results import Results
 from bench.results_writer import ResultsWriter, writing
+from bench.same_bits import first_difference
 from tasks.errors import InputError
 
 
@@ -18,7 +19,8 @@ def merge(folders: Sequence[Path], out: Path) -> int:
     out; in ``out`` it is set aside.
 
     Raises:
-        InputError: a folder holds no results, or two hold different results under one label.
+        InputError: a folder holds no results, or two hold different results under one label, or
+            other bits of what was computed alike, see `bench.same_bits`.
     """
     sources = [Results(folder) for folder in folders]
     with writing(out) as writer:
@@ -49,8 +51,8 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
         if not alike or fits.get(wanted.fit.label, wanted.fit) != wanted.fit:
             raise InputError(
                 f"{source.folder} holds other results of {wanted.fit.label} than a folder before"
-                " it: of another version, config, controller or set of demonstrations; merge what"
-                " was run alike"
+                " it: of another version, config, controller or set of demonstrations, or"
+                " pinned and unpinned (see bench doctor); merge what was run alike"
             )
         most.append(replace(wanted, episodes=max(wanted.episodes, known.episodes)))
     joined = manifest.extended(most)
@@ -60,6 +62,12 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
 def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
     """Copies an evaluation with its fit and controller, unless they are there."""
     there, fit, controller = writer.results, wanted.fit, wanted.controller
+    difference = first_difference(there, source, wanted)
+    if difference:
+        raise InputError(
+            f"{source.folder} and a folder before it differ in what must have the same bits:"
+            f" {difference}"
+        )
     if controller and source.has_controller(controller) and not there.has_controller(controller):
         path = controller_path(writer.folder, controller)
         writer.write_folder(path, source.controller_files(controller))

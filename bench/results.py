@@ -135,6 +135,14 @@ class Results:
                 return dict(record["spec"])
         raise InputError(f"{self.folder} has lost the controller {key}: run the study again")
 
+    def controller_facts(self, controller: Named) -> dict[str, Any]:
+        """Returns times, host and software of a stored controller, see `facts`."""
+        return dict(self._required(controller_path(self.folder, controller), CONTROLLER)["facts"])
+
+    def fit_facts(self, fit: Named) -> dict[str, Any]:
+        """Returns times, host and software of a stored fit, see `facts`."""
+        return self.facts(cell_path(self.folder, fit).name)
+
     def facts(self, folder: str) -> dict[str, Any]:
         """See `bench.source.Source.facts`."""
         return dict(self._required(self.folder / "cells" / folder, FIT)["facts"])

@@ -27,6 +27,7 @@ from bench.stored_files import (
     seal_failure,
     seal_learnt,
     seal_times,
+    software_of,
 )
 from tasks.errors import InputError
 from tasks.files import writable_folder
@@ -104,7 +105,12 @@ class ResultsWriter:
         self.write(self.folder / "cells" / folder / TIMES, seal_times(folder, seconds))
 
     def add_episodes(
-        self, fit: "Fit", evaluation: "Evaluation", episodes: "Episodes", keep: int = 0
+        self,
+        fit: "Fit",
+        evaluation: "Evaluation",
+        episodes: "Episodes",
+        software: Mapping[str, Any],
+        keep: int = 0,
     ) -> None:
         """Stores episodes of a stored fit.
 
@@ -112,18 +118,21 @@ class ResultsWriter:
             fit: that was evaluated.
             evaluation: its conditions.
             episodes: follow the kept ones; they replace the others.
+            software: that computed them, see `bench.provenance.software`.
             keep: number of stored episodes that stay, the first ones.
         """
         key = evaluation.key(fit)
         wanted = Wanted(Name(fit.label, fit.key), Name(evaluation.name, key), keep)
         table, non_finite = episodes_to_table(episodes), list(episodes.non_finite)
+        made_with = [software]
         if keep:
             path = evaluation_path(self.folder, fit, evaluation.name)
             kept = self.results.table(path).slice(0, keep).cast(table.schema)
             table = pa.concat_tables([kept, table]).combine_chunks()
-            before = non_finite_of(self.results.evaluation_labels(wanted))
-            non_finite = [one for one in before if one.row < keep] + non_finite
-        content = seal_evaluation(fit.key, key, evaluation, table, non_finite)
+            labels = self.results.evaluation_labels(wanted)
+            non_finite = [one for one in non_finite_of(labels) if one.row < keep] + non_finite
+            made_with = [one for one in software_of(labels) if one != software] + made_with
+        content = seal_evaluation(fit.key, key, evaluation, table, non_finite, made_with)
         self.write_evaluation(wanted, content)
 
     def write_evaluation(self, wanted: Wanted, content: bytes) -> None:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
 
 NUMBERS = ("demos", "seed")
 """Fields of a fit that are numbers."""
-_FIT = ("task", "method", "variant", "size", "config", "demos", "seed", "demos_key", "settings")
+_FIT = (
+    *("task", "method", "variant", "size", "config", "demos", "seed", "demos_key", "settings"),
+    "pins",
+)
 _SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
 COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
 """The columns of `Source.frame`."""

@@ -5,7 +5,7 @@ it: more episodes extend the same evaluation.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,6 +26,7 @@ from tasks.data import key
 from tasks.demos import demos_key
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, physics_names
+from tasks.pins import mark
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import CHUNK
 
@@ -49,6 +50,8 @@ class Fit:
     """Key of the demonstrations, see `tasks.demos.demos_key`."""
     settings: str = ""
     """What `--set` has changed of the config, such as ``hidden=64``, see `bench.labels`."""
+    pins: str = field(default_factory=mark)
+    """Whether the kernels that compute it are pinned, see `tasks.pins`."""
 
     @cached_property
     def key(self) -> str:
@@ -154,6 +157,8 @@ class ControllerSpec:
     physics: str = NOMINAL
     """Where the rollouts that it learns from are recorded."""
     seed: int = FIRST_SEED
+    pins: str = field(default_factory=mark)
+    """Whether the kernels that compute it are pinned, see `tasks.pins`."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -4,11 +4,13 @@ from functools import cache
 from pathlib import Path
 
 from bench.controller_kinds import KINDS
+from bench.isolation import apart
 from bench.spec import VALIDATION, Cell, ControllerSpec, Fit
 from tasks import demos
 from tasks.data import Demos, Starts
 from tasks.demos import demos_key, demos_path, load_demos, record, split
 from tasks.experts import load_expert
+from tasks.pins import pin
 from tasks.registry import get_task
 
 
@@ -40,7 +42,12 @@ def controller_demos(spec: ControllerSpec) -> Demos:
     kind = KINDS[spec.kind]
     if not kind.records_expert:
         return training_demos(spec)
-    task = get_task(spec.task)
+    found: Demos = apart(_rollouts, spec) if pin().late else _rollouts(spec)
+    return found
+
+
+def _rollouts(spec: ControllerSpec) -> Demos:
+    kind, task = KINDS[spec.kind], get_task(spec.task)
     if kind.changed_physics:
         starts = task.sample("demo", spec.demos)
     else:

@@ -15,15 +15,19 @@ from bench.driver import run_cells
 from bench.intervals import wilson
 from bench.labels import plain
 from bench.names import CONDITIONS
+from bench.provenance import same_bits, software
 from bench.results import Results
+from bench.same_bits import episodes_differ, first_difference
 from bench.source import OUTCOMES, Source
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from tasks.data import generator
 from tasks.demos import demos_key, demos_path
 from tasks.errors import InputError
+from tasks.pins import SWITCH, mark, pin
 from tasks.registry import get_task
 
 IDENTICAL, WITHIN, OUTSIDE = "identical", "within the interval", "outside the interval"
+DIFFERENT = "different bits"
 
 
 @dataclass(frozen=True)
@@ -39,10 +43,17 @@ class Verdict:
     """Successes of the same episodes, done again."""
     differ: int
     """Episodes whose success, divergence or length is another."""
+    difference: str = ""
+    """The first difference between results that must have the same bits, see `bench.same_bits`."""
 
     @property
     def verdict(self) -> str:
-        """Identical, or whether the rate lies within the 95% Wilson interval of the stored one."""
+        """Identical, or whether the rate lies within the 95% Wilson interval of the stored one.
+
+        Different bits, if they must be the same.
+        """
+        if self.difference:
+            return DIFFERENT
         if not self.differ:
             return IDENTICAL
         low, high = wilson(self.stored, self.episodes)
@@ -87,8 +98,19 @@ def _compare(
         old = source.outcomes(row).iloc[: len(new)]
         differ = int(np.any(old.to_numpy() != new.to_numpy(), axis=1).sum())
         counts = (len(new), int(old.success.sum()), int(new.success.sum()), differ)
-        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts))
+        difference = _difference(source, again, row, cell)
+        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts, difference))
     return verdicts
+
+
+def _difference(source: Source, again: Results, row: Mapping[str, Any], cell: Cell) -> str:
+    """The first difference in bits; of packed results in what is kept of their episodes."""
+    if isinstance(source, Results):
+        return first_difference(source, again, cell.wanted)
+    new = again.episodes(cell.wanted)
+    if new is None or not same_bits(source.facts(row["folder"]), software()):
+        return ""
+    return episodes_differ(source.outcomes(row), new)
 
 
 def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:
@@ -115,6 +137,11 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
         InputError: it is from other demonstrations than this installation makes.
     """
     fit = fit_of(row)
+    if fit.pins != mark():
+        raise InputError(
+            f"{fit.label} was computed with kernels {fit.pins}, and here they are {mark()}:"
+            f" {pin().why_not or f'set {SWITCH}=off'}"
+        )
     task = get_task(fit.task)
     kept = fit.method != EXPERT and demos_path(task, fit.demos_key).exists()
     if fit.demos_key != demos_key(task) and not kept:

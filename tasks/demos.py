@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +21,7 @@ from tasks.errors import InputError, described
 from tasks.experts import load_expert
 from tasks.files import labels_of, to_bytes, whole_file, writable_folder
 from tasks.masses import NOMINAL
+from tasks.pins import mark, pin
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 from tasks.words import count_of
 
@@ -38,6 +40,13 @@ _MAKING = (
     " `bench demos record` makes one from a policy, `bench demos from-arrays` from arrays, and"
     " `bench demos import` from a Minari data set"
 )
+_RECORD = """
+import sys
+from tasks.demos import load_demos
+from tasks.registry import get_task
+load_demos(get_task(sys.argv[1]))
+"""
+"""A program that records in a process of its own, whose kernels are pinned."""
 _CURE = "set BENCH_CACHE to another folder"
 
 
@@ -167,6 +176,7 @@ def demos_key(task: Task) -> str:
         task.model_hash,
         load_expert(task).card["weights_sha256"],
         mujoco.__version__,
+        mark(),
         TRAINING + VALIDATION,
     )
 
@@ -196,7 +206,10 @@ def load_demos(task: Task, recipe: str | None = None) -> Demos:
         writable_cache(_FOLDER)
         if path.exists():
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
-        save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
+        if pin().late:
+            subprocess.run([sys.executable, "-c", _RECORD, task.name], check=True)
+        else:
+            save_demos(make_demos(task, load_expert(task).policy, TRAINING + VALIDATION), path)
         data = path.read_bytes()
     return _from_bytes(task, data, path)
 

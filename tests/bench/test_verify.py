@@ -20,8 +20,19 @@ def test_results_of_this_machine_are_found_again(task, smoke, bench, tmp_path):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_results_that_are_not_found_again_are_named(task, smoke, bench, tmp_path, monkeypatch):
+def test_bits_that_differ_though_they_must_not_are_named(task, smoke, bench, tmp_path, monkeypatch):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
+    code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
+    assert code == 3
+    assert "different bits: door-expert eval-ood-nominal-none-appendix: 13 of 20 stored" in said
+    assert "success of episode 1 is True in one, False in the other" in said
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_other_software_is_judged_by_its_success(task, smoke, bench, tmp_path, monkeypatch):
+    bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    monkeypatch.setattr("bench.same_bits.same_bits", lambda stored, again: False)
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
