@@ -1,6 +1,6 @@
-"""Check a method as a run meets it: in processes of their own, and stored between two of them."""
+"""Checks a method as a run uses it: in its own processes, and stored between two of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -9,17 +9,18 @@ import numpy as np
 from bench.admission import describe_guest
 from bench.isolation import apart, printed
 from methods.base import Method
-from methods.checks import NEEDED, Verdict, check, first_answer
+from methods.checks import DECLARED, REPEATS, RuleResult, check
 from methods.description import stand_in
 from methods.registry import SUITE, get_method, method_names, unknown_method
-from methods.toy import answer, loaded_toy
+from methods.subject import subjects
+from methods.toy import answer
 from tasks.data import FloatArray
 from tasks.errors import InputError
 
 ANOTHER_PROCESS = "survives_another_process"
-ASKS = "What is stored and then loaded in another process gives the same answers."
+ASKS = "Parameters that are stored and loaded in another process give the same answers."
 PRINTED = 3
-"""Lines that are kept of what a method prints."""
+"""Number of lines kept of what a method prints."""
 
 
 def known(name: str) -> type[Method]:
@@ -45,17 +46,23 @@ def _stand_in(name: str) -> type[Method]:
 
 @dataclass(frozen=True)
 class Checked:
-    """What came of a check."""
+    """The outcome of a check."""
 
-    verdicts: tuple[Verdict, ...]
+    results: tuple[RuleResult, ...]
     printed: tuple[str, ...] = ()
-    """The first lines that the method has printed."""
+    """The first lines that the method printed."""
     lines: int = 0
-    """How many it has printed."""
+    """How many lines it printed."""
+
+
+Stored = Mapping[str, tuple[bytes, FloatArray]]
+"""By variant, the parameters of a fit, and its answer once they are loaded."""
 
 
 def check_apart(name: str) -> Checked:
-    """Returns the verdict of each rule on a method, see `methods.checks`, and what it printed.
+    """Returns the results of every rule on every variant of a method, and what it printed.
+
+    See `methods.checks`.
 
     Raises:
         InputError: there is no such method, or it cannot be used.
@@ -64,37 +71,52 @@ def check_apart(name: str) -> Checked:
     try:
         found, stored = apart(_tried, name)
     except InputError as error:
-        return Checked((Verdict("ends", False, str(error), 0.0),))
-    return replace(found, verdicts=(*found.verdicts, _elsewhere(name, found.verdicts, stored)))
+        return Checked((RuleResult("ends", None, False, str(error), 0.0),))
+    variants = dict.fromkeys(one.variant for one in found.results if one.rule != DECLARED)
+    elsewhere = [_elsewhere(name, variant, found.results, stored) for variant in variants]
+    return replace(found, results=(*found.results, *elsewhere))
 
 
 def _elsewhere(
-    name: str, verdicts: Sequence[Verdict], stored: tuple[bytes, FloatArray] | None
-) -> Verdict:
-    """Whether a method answers in another process as it has answered in its own."""
-    broken = {verdict.rule: verdict for verdict in verdicts if not verdict.passed}
-    needed = [broken[rule] for rule in (*NEEDED, "same_start_same_answer") if rule in broken]
-    if stored is None or needed:
-        root = next(verdict for verdict in (*needed, *broken.values()) if verdict.tried)
-        return Verdict(ANOTHER_PROCESS, False, f"needs {root.rule}", 0.0, tried=False)
-    parameters, given = stored
+    name: str, variant: str | None, results: Sequence[RuleResult], stored: Stored
+) -> RuleResult:
+    """Whether a variant gives the same answer in another process."""
+    result = RuleResult(ANOTHER_PROCESS, variant, False, "", 0.0)
+    if variant is None or variant not in stored:
+        reason = _reason([one for one in results if one.variant in (variant, None)])
+        return replace(result, message=reason, tried=False)
+    parameters, given = stored[variant]
     try:
-        again = apart(_answer, name, parameters)
+        again = apart(_answer, name, variant, parameters)
     except InputError as error:
-        return Verdict(ANOTHER_PROCESS, False, str(error), 0.0)
-    same = np.array_equal(again, given, equal_nan=True)
-    message = "" if same else "it answers differently once loaded in another process"
-    return Verdict(ANOTHER_PROCESS, same, message, 0.0)
+        return replace(result, message=str(error))
+    if np.array_equal(again, given, equal_nan=True):
+        return replace(result, passed=True)
+    return replace(result, message="it answers differently once loaded in another process")
 
 
-def _tried(name: str) -> tuple[Checked, tuple[bytes, FloatArray] | None]:
-    """The verdicts in this process, and what is stored of a fit, with its answer, if there is."""
+def _reason(results: Sequence[RuleResult]) -> str:
+    """Names the rule that must hold before a variant is loaded elsewhere, and does not."""
+    broken = {result.rule: result for result in results if not result.passed}
+    needed = [broken[rule] for rule in REPEATS if rule in broken]
+    root = next(result for result in (*needed, *broken.values()) if result.tried)
+    return f"needs {root.rule}"
+
+
+def _tried(name: str) -> tuple[Checked, Stored]:
+    """Checks a method in this process; also returns a stored fit of each sound variant."""
     method = get_method(name)
-    verdicts = tuple(check(method))
-    sound = {verdict.rule for verdict in verdicts if verdict.passed}
-    stored = first_answer(method) if {*NEEDED} <= sound else None
-    return Checked(verdicts, *printed(PRINTED)), stored
+    results = tuple(check(method))
+    broken = {(result.variant, result.rule) for result in results if not result.passed}
+    stored = {}
+    if (None, DECLARED) not in broken:
+        for subject in subjects(method):
+            if not {(subject.variant, rule) for rule in REPEATS} & broken:
+                parameters = subject.fit().learnt.parameters
+                stored[subject.variant] = parameters, subject.answer()
+    return Checked(results, *printed(PRINTED)), stored
 
 
-def _answer(name: str, parameters: bytes) -> FloatArray:
-    return answer(loaded_toy(get_method(name), parameters))
+def _answer(name: str, variant: str, parameters: bytes) -> FloatArray:
+    (subject,) = [one for one in subjects(get_method(name)) if one.variant == variant]
+    return answer(subject.load(parameters))

@@ -81,7 +81,7 @@ def record(
 ) -> None:
     """Run a policy of your own from new starts, and keep the episodes that succeed."""
     from bench.recording import record_policy
-    from tasks.demos import save_demos
+    from tasks.demos_files import save_demos
 
     get_task(task)
     new_path(out)

@@ -33,10 +33,10 @@ def train(
     threads: Annotated[int, number(1, "Threads of the simulator.")] = 2,
 ) -> None:
     """Train an expert by reinforcement learning. Rerun the same command to resume."""
-    from tasks.demos import writable_cache
+    from tasks.cache import writable_cache
+    from tasks.expert_training import train as train_expert
+    from tasks.expert_training import write_expert
     from tasks.recipes import RECIPES
-    from tasks.training import train as train_expert
-    from tasks.training import write_expert
 
     chosen = get_task(task)
     folder = writable_folder(folder) if folder else writable_cache(f"experts/{task}")
@@ -119,7 +119,7 @@ def probe(
     if folder is None:
         expert = load_expert(chosen).policy
     else:
-        from tasks.training import expert_weights, read_checkpoint
+        from tasks.checkpoints import expert_weights, read_checkpoint
 
         expert = Expert(expert_weights(read_checkpoint(folder)[0]))
     with doing(f"probing the expert of {task}"):

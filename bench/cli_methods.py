@@ -24,36 +24,41 @@ def check(
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Check a method against each rule of the method contract. Exit code 3 if it breaks one."""
+    """Check every variant of a method against each rule. Exit code 3 if one is broken."""
     from bench.checking import check_apart
 
     checked = check_apart(method)
     if as_json:
-        print(json.dumps([asdict(verdict) for verdict in checked.verdicts]))
+        print(json.dumps([asdict(result) for result in checked.results]))
     else:
         _show(method, checked, since_start())
-    if not all(verdict.passed for verdict in checked.verdicts):
+    if not all(result.passed for result in checked.results):
         raise typer.Exit(SOME_FAILED)
 
 
 def _show(method: str, checked: "Checked", seconds: float) -> None:
-    """Prints how many rules hold, what is broken, and which could not be tried for it."""
+    """Prints how many rules hold, which are broken, and which could not be tried."""
+    import pandas as pd
+
     from bench.checking import ANOTHER_PROCESS, ASKS
     from methods.checks import RULES
 
     asks = {name: rule.__doc__ for name, rule in RULES.items()} | {ANOTHER_PROCESS: ASKS}
-    sound = [verdict.rule for verdict in checked.verdicts if verdict.passed]
-    broken = [verdict for verdict in checked.verdicts if verdict.tried and not verdict.passed]
-    untried = [verdict.message for verdict in checked.verdicts if not verdict.tried]
-    print(f"{method}: {len(sound)} of {len(checked.verdicts)} rules hold, {seconds:.0f} s")
-    for verdict in broken:
-        print(f"BROKEN {verdict.rule}: {verdict.message}")
-        if asks.get(verdict.rule):
-            print(f"       the rule: {(asks[verdict.rule] or '').strip()}")
-    for reason in dict.fromkeys(untried):
-        print(f"       not tried: {count_of(untried.count(reason), 'rule')} ({reason})")
-    if sound:
-        print(fill(f"ok     {', '.join(sound)}", width=99, subsequent_indent=" " * 7))
+    results = pd.DataFrame([asdict(result) for result in checked.results])
+    variants = results.variant.nunique()
+    held = results.groupby("rule", sort=False).passed.all()
+    each = f" for each of {variants} variants" if variants > 1 else ""
+    print(f"{method}: {held.sum()} of {len(held)} rules hold{each}, {seconds:.0f} s")
+    broken = results[results.tried & ~results.passed]
+    for (rule, message), rows in broken.groupby(["rule", "message"], sort=False):
+        which = f" ({', '.join(rows.variant)})" if len(rows) < variants else ""
+        print(f"BROKEN {rule}{which}: {message}")
+        if asks.get(rule):
+            print(f"       the rule: {(asks[rule] or '').strip()}")
+    for reason, rows in results[~results.tried].groupby("message", sort=False):
+        print(f"       not tried: {count_of(rows.rule.nunique(), 'rule')} ({reason})")
+    if held.any():
+        print(fill(f"ok     {', '.join(held.index[held])}", width=99, subsequent_indent=" " * 7))
     if checked.lines:
         print(f"It printed {count_of(checked.lines, 'line')}, which begin:")
         for line in checked.printed:

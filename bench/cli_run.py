@@ -117,7 +117,8 @@ def plan(
     from bench.doing import doing
     from bench.plan import make_plan
 
-    writable_folder(out)
+    if not out.is_dir():
+        writable_folder(out)
     count = count_jobs(jobs)
     with doing("checking the study"):
         made = make_plan(study, out, count)

@@ -14,7 +14,8 @@ from bench.commands import FAULTS
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
 from methods.registry import package_methods, unusable
-from tasks.demos import cache_folder, demos_path, writable_cache
+from tasks.cache import cache_folder, writable_cache
+from tasks.demos import demos_path
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.files import writable_folder

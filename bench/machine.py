@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from bench.controller import ControllerConfig, train_controller
 from bench.costs import calibration_seconds
+from tasks.cache import cache_folder
 from tasks.data import Demos, Starts, generator, key
-from tasks.demos import cache_folder
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.files import whole_file

@@ -17,7 +17,8 @@ from methods.base import MotionMethod, Parameters
 from methods.kodex import Kodex
 from tasks.base import Task
 from tasks.data import Demos, FloatArray, Layout
-from tasks.demos import TRAINING, VALIDATION, make_demos, split
+from tasks.demos import TRAINING, VALIDATION, split
+from tasks.recorder import make_demos
 from tasks.simulator import Policy, rollout
 from tasks.words import count_of
 

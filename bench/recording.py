@@ -12,8 +12,8 @@ import numpy as np
 
 from bench.isolation import Failure, apart
 from tasks.data import BoolArray, Demos, FloatArray, Starts, real
-from tasks.demos import collect, record
 from tasks.errors import InputError, described, unknown_name
+from tasks.recorder import collect, record
 from tasks.registry import get_task
 from tasks.simulator import Simulator
 from tasks.words import count_of

@@ -50,8 +50,11 @@ if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
 
     from methods.base import Parameters
 
-_Stamp = tuple[tuple[int, int, int] | None, ...]
 T = TypeVar("T")
+Stamp = tuple[tuple[int, int, int] | None, ...]
+"""What changes when files do."""
+REPORTED: set[tuple[Path, Stamp]] = set()
+"""The damage that this process has reported; it may open a folder several times."""
 
 
 class Results:
@@ -61,7 +64,7 @@ class Results:
         self.folder = folder.absolute()  # wherever this process goes
         self.damaged: dict[Path, str] = {}
         """Files and folders that have been found damaged, and why."""
-        self._checked: dict[Path, tuple[_Stamp, Any]] = {}
+        self._checked: dict[Path, tuple[Stamp, Any]] = {}
 
     def check_exists(self) -> None:
         """Raises InputError if the folder holds no results."""
@@ -314,20 +317,19 @@ class Results:
             found = read()
         except DamagedError as error:
             if path.exists():  # else a run has just set it aside
-                self._note(path, error.reason)
+                self.damaged[path] = error.reason
+                self.report(path, stamp, error.reason)
             return None
         self._checked[path] = stamp, found
         self.damaged.pop(path, None)
         return found
 
-    def _note(self, path: Path, reason: str) -> None:
-        if path not in self.damaged:
-            self.report(path, reason)
-        self.damaged[path] = reason
-
-    def report(self, path: Path, reason: str) -> None:
-        """Says on stderr that something is damaged."""
-        print(f"{path} is damaged ({reason}); the next `bench run` sets it aside", file=sys.stderr)
+    def report(self, path: Path, stamp: Stamp, reason: str) -> None:
+        """Says on stderr that something is damaged, once in a process until it changes."""
+        if (path, stamp) not in REPORTED:
+            REPORTED.add((path, stamp))
+            advice = "the next `bench run` sets it aside"
+            print(f"{path} is damaged ({reason}); {advice}", file=sys.stderr)
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:

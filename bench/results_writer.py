@@ -13,7 +13,7 @@ from filelock import FileLock, Timeout
 
 from bench.manifest import Manifest, Name, Wanted
 from bench.names import MANIFEST, cell_path, controller_path, evaluation_path, failure_path
-from bench.results import Results
+from bench.results import Results, Stamp
 from bench.sealed_files import write_file, write_folder
 from bench.stored_files import (
     CONTROLLER,
@@ -154,7 +154,13 @@ class ResultsWriter:
         failure_path(self.folder, label).unlink(missing_ok=True)
 
     def set_aside_damage(self) -> None:
-        """Moves everything that has been found damaged to ``damaged/``; says on stderr where."""
+        """Moves everything that has been found damaged to ``damaged/``; says on stderr where.
+
+        Failures and times are checked first, since a run need not have read them.
+        """
+        self.results.failures()
+        for path in (self.folder / "cells").glob("*"):
+            self.results.times(path.name)
         for path in list(self.results.damaged):
             self._set_aside(path)
 
@@ -185,5 +191,5 @@ class ResultsWriter:
 class _OfWriter(Results):
     """Results whose damage is reported when it is set aside."""
 
-    def report(self, path: Path, reason: str) -> None:
+    def report(self, path: Path, stamp: Stamp, reason: str) -> None:
         """Says nothing."""

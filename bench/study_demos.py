@@ -5,7 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.presets import Study
-from tasks.demos import adopt_demos, demos_key, load_demos, split, task_of
+from tasks.demos import adopt_demos, demos_key, load_demos, split
+from tasks.demos_files import task_of
 from tasks.errors import InputError
 from tasks.registry import get_task
 

@@ -15,9 +15,10 @@ from bench.rollout import TrackedMotion
 from bench.spec import ControllerSpec
 from bench.training_data import controller_demos
 from tasks.base import Task
-from tasks.demos import TRAINING, demos_key, record
+from tasks.demos import TRAINING, demos_key
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
+from tasks.recorder import record
 from tasks.simulator import rollout
 
 

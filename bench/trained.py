@@ -14,7 +14,7 @@ from typing import Any
 
 from bench.names import folder_name
 from bench.spec import ControllerSpec
-from tasks.demos import cache_folder, writable_cache
+from tasks.cache import cache_folder, writable_cache
 from tasks.errors import InputError
 from tasks.files import whole_file
 

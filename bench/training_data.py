@@ -8,9 +8,10 @@ from bench.isolation import apart
 from bench.spec import VALIDATION, Cell, ControllerSpec, Fit
 from tasks import demos
 from tasks.data import Demos, Starts
-from tasks.demos import demos_key, demos_path, load_demos, record, split
+from tasks.demos import demos_key, demos_path, load_demos, split
 from tasks.experts import load_expert
 from tasks.pins import pin
+from tasks.recorder import record
 from tasks.registry import get_task
 
 

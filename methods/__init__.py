@@ -1,4 +1,4 @@
-"""What competes: imitation policies, which see a task only as arrays."""
+"""Imitation policies. They see a task only as arrays."""
 
 from tasks.pins import pin
 

@@ -1,6 +1,6 @@
-"""Method: learns from demonstrations, then answers start states with a motion or with actions.
+"""The contract of a method: it learns from demonstrations, then predicts motions or actions.
 
-A method sees a task only as arrays. The letters of their axes are defined in `tasks.data`.
+A method sees a task only as arrays. `tasks.data` defines the letters of their axes.
 """
 
 import inspect
@@ -16,49 +16,55 @@ from tasks.data import Demos, FloatArray, Layout
 from tasks.errors import InputError
 
 Parameters = dict[str, NDArray[Any]]
-"""What a fit has learnt: arrays by name, which is all that is stored of it."""
+"""What a fit has learnt, as arrays by name. Nothing else of the fit is stored."""
+
+
+def config_of(method: "type[Method]", size: str, variant: str) -> Any:
+    """Returns the config of a method's size, with the fields that a variant sets."""
+    return replace(method.sizes[size], **method.variants[variant])
 
 
 def shortened(config: Any, epochs: int) -> Any:
-    """Returns a config with at most so many epochs, where it has such a field."""
+    """Returns a config with its field ``epochs``, if it has one, limited to ``epochs``."""
     if "epochs" in {field.name for field in fields(config)}:
         return replace(config, epochs=min(config.epochs, epochs))
     return config
 
 
 def check_above(config: Any, bound: float, *names: str) -> None:
-    """Checks fields of a config: numbers, or tuples of them.
+    """Checks that fields of a config, numbers or tuples of numbers, are above a bound.
 
     Raises:
-        InputError: a number is not above the bound.
+        InputError: a number is not above the bound, or is NaN.
     """
     for name in names:
         value = getattr(config, name)
         numbers = value if isinstance(value, list | tuple) else [value]
-        if not all(number > bound for number in numbers):  # nor is NaN
+        if not all(number > bound for number in numbers):
             raise InputError(f"{name} must be above {bound}, got {value!r}")
 
 
 class NotFittedError(RuntimeError):
-    """A method was asked for an answer before `fit` or `load`."""
+    """A method was called before `fit` or `load`."""
 
 
 class Method(ABC):
-    """What competes. Subclass `MotionMethod` or `ActionMethod`, not this class."""
+    """The base of all methods. Subclass `MotionMethod` or `ActionMethod`, not this class."""
 
     name: ClassVar[str]
     summary: ClassVar[str]
     version: ClassVar[int] = 1
-    """Raise it when predictions change: stored results of other versions are left aside."""
+    """Raise it when predictions change. Stored results of other versions are not used."""
     sizes: ClassVar[Mapping[str, Any]]
-    """Configs by size name, the smallest first: frozen dataclasses of numbers, texts, tuples."""
+    """Configs by the name of the size, the smallest first. A config is a frozen dataclass of
+    numbers, texts and tuples."""
     default_size: ClassVar[Mapping[str, str]]
-    """The size for each task where no `sizes` experiment has chosen one."""
+    """The size on each task if the experiment `sizes` has not chosen one."""
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"described": {}}
-    """Config fields that each variant sets. ``described`` follows the paper's text, and
-    ``published``, where it exists, does what the authors' code does."""
+    """The config fields that each variant sets. ``described`` follows the paper's text;
+    ``published``, if it exists, follows the authors' code."""
     deterministic: ClassVar[bool] = False
-    """Whether the seed changes nothing, so that one fit stands for all seeds."""
+    """True if the seed has no effect, so that one fit serves all seeds."""
 
     def __init__(self, config: Any, layout: Layout) -> None:
         self.config = config
@@ -69,16 +75,16 @@ class Method(ABC):
         """Learns from demonstrations.
 
         Args:
-            demos: the training demonstrations, (N, T, D) states and so on; not to be written to.
-            validation: others, to choose a checkpoint by.
-            seed: the only source of randomness; same seed, same result.
+            demos: the training demonstrations, with states (N, T, D). Do not write to them.
+            validation: other demonstrations, for choosing a checkpoint.
+            seed: the only source of randomness. The same seed gives the same result.
         """
 
     @classmethod
     def fit_seeds(
         cls, config: Any, layout: Layout, demos: Demos, validation: Demos, seeds: Sequence[int]
     ) -> list[Self]:
-        """Returns one fitted method for each seed. Override it to train them together."""
+        """Returns a fitted method for each seed. Override it to train several seeds together."""
         methods = [cls(config, layout) for _ in seeds]
         for method, seed in zip(methods, seeds, strict=True):
             method.fit(demos, validation, seed)
@@ -86,28 +92,28 @@ class Method(ABC):
 
     @abstractmethod
     def parameters(self) -> Parameters:
-        """Returns what `load` needs to give the same answers.
+        """Returns the arrays with which `load` restores the fit.
 
         Raises:
-            NotFittedError: there is nothing yet.
+            NotFittedError: neither `fit` nor `load` was called.
         """
 
     @abstractmethod
     def load(self, parameters: Parameters) -> None:
-        """Takes what `parameters` returned, in place of a fit."""
+        """Restores a fit from the arrays that `parameters` returned."""
 
     def diagnostics(self) -> Parameters:
-        """Returns what is worth a look after a fit: eigenvalues, losses. Nothing unless told."""
+        """Returns arrays that describe the fit, such as losses or eigenvalues. Default: none."""
         return {}
 
 
 def fits_together(method: type[Method]) -> bool:
-    """Returns whether a method trains several seeds together, by a `fit_seeds` of its own."""
+    """Returns whether a method overrides `fit_seeds` to train several seeds together."""
     return inspect.getattr_static(method, "fit_seeds") is not vars(Method)["fit_seeds"]
 
 
 class MotionMethod(Method):
-    """Predicts the whole motion from its start, without feedback; a controller tracks it."""
+    """Predicts the whole motion from its start, without feedback. A controller tracks it."""
 
     @abstractmethod
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
@@ -115,28 +121,28 @@ class MotionMethod(Method):
 
         Args:
             start: x(1), (B, D).
-            steps: how many states after the start.
+            steps: number of states after the start.
 
         Returns:
-            (B, steps + 1, D), or (B, steps + 1, H) of a method that predicts the hand alone. The
-            first row is the start.
+            (B, steps + 1, D), or (B, steps + 1, H) if the method predicts only the hand. The first
+            row is the start.
 
         Raises:
-            NotFittedError: neither `fit` nor `load` came before.
+            NotFittedError: neither `fit` nor `load` was called.
         """
 
 
 class ActionMethod(Method):
-    """Answers each state with an action."""
+    """Chooses an action in each state, with feedback."""
 
     @abstractmethod
     def reset(self, starts: FloatArray) -> None:
-        """Prepares for episodes that begin at the states (B, D)."""
+        """Prepares for episodes that begin at the states ``starts`` (B, D)."""
 
     @abstractmethod
     def act(self, state: FloatArray, t: int) -> NDArray[np.floating[Any]]:
         """Returns the actions (B, A) in [-1, 1] for the states (B, D) after t control steps.
 
         Raises:
-            NotFittedError: neither `fit` nor `load` came before.
+            NotFittedError: neither `fit` nor `load` was called.
         """

@@ -1,7 +1,7 @@
-"""Hold a method to its contract wherever it is called, in a check and in a run alike.
+"""Calls methods and checks what they return, in a check and in a run alike.
 
-What a method returns is fixed here: parameters and diagnostics become bytes, answers become new
-arrays of float64. Nothing that a method has made goes further than this file.
+Parameters and diagnostics become bytes, answers become new float64 arrays. No object that a method
+returned leaves this file.
 """
 
 import json
@@ -20,18 +20,18 @@ from tasks.errors import InputError, described
 from tasks.files import from_bytes, to_bytes
 
 MAX_BYTES = 2**30
-"""Of the parameters of a fit, and of its diagnostics."""
+"""Largest size of a fit's parameters, and of its diagnostics."""
 
 
 class ContractError(InputError):
-    """A method did something that its contract does not allow; the message says what."""
+    """A method broke its contract; the message says how."""
 
 
 @contextmanager
 def _calling(function: str, when: str = "") -> Iterator[None]:
-    """Names the function of a method that raises, with the line that did.
+    """Turns an error of a method's function into a ContractError with the function and the line.
 
-    What says that nothing is fitted yet, and what asks the whole process to stop, passes.
+    NotFittedError and KeyboardInterrupt pass.
     """
     try:
         yield
@@ -42,17 +42,17 @@ def _calling(function: str, when: str = "") -> Iterator[None]:
 
 
 def resolved(config: Any) -> dict[str, Any]:
-    """Returns the fields that a config is made from, as JSON has them.
+    """Returns the fields of a config by name, as JSON stores them.
 
     Raises:
-        ContractError: JSON cannot hold a value, or would give back another config.
+        ContractError: JSON cannot store a value, or the stored config would differ.
     """
     given = {field.name: getattr(config, field.name) for field in fields(config) if field.init}
     odd = {name: value for name, value in given.items() if not _is_plain(value)}
     if odd:
         raise ContractError(
-            f"{odd} cannot be stored: fields of a config are finite numbers, texts, truth values,"
-            " None and tuples of them"
+            f"{odd} cannot be stored: fields of a config must be finite numbers, texts, truth"
+            " values, None or tuples of them"
         )
     values: dict[str, Any] = json.loads(json.dumps(given))
     if from_json(type(config), values) != config:
@@ -69,10 +69,10 @@ def _is_plain(value: Any) -> bool:
 
 
 def from_json(kind: type[Any], values: Mapping[str, Any]) -> Any:
-    """Returns the config of a kind with values that `resolved` gave.
+    """Returns the config of a class from values that `resolved` returned.
 
     Raises:
-        ContractError: the values are those of a config with other fields.
+        ContractError: the values belong to a config with other fields.
     """
     expected = {field.name for field in fields(kind) if field.init}
     if expected != set(values):
@@ -85,22 +85,22 @@ def _tuples(value: Any) -> Any:
 
 
 def build(method: type[Method], values: Mapping[str, Any], layout: Layout) -> Method:
-    """Returns a method, not fitted, with the values of a config.
+    """Returns an unfitted method with the values of a config.
 
     Raises:
-        InputError: the method refuses the config.
+        InputError: the method does not accept the config.
     """
     return method(from_json(type(next(iter(method.sizes.values()))), values), layout)
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """What one seed's fit has given, as bytes that a file can hold."""
+    """What a method learnt with one seed, as bytes for a file."""
 
     parameters: bytes
     diagnostics: bytes
     method: Method
-    """Built from the parameters alone, as an evaluation will."""
+    """A new object that has loaded the parameters, as in an evaluation."""
 
 
 def learn(
@@ -111,19 +111,19 @@ def learn(
     validation: Demos,
     seeds: Sequence[int],
 ) -> list[Learnt]:
-    """Returns what a method learns from demonstrations, one item for each seed.
+    """Fits a method to demonstrations, once for each seed.
 
     Args:
-        method: what learns.
-        values: of its config, as `resolved` gives them.
+        method: the method's class.
+        values: the values of its config, as `resolved` returns them.
         layout: the dimensions of the task.
         demos: the training demonstrations.
-        validation: others, to choose a checkpoint by.
-        seeds: each has its fit.
+        validation: other demonstrations, for choosing a checkpoint.
+        seeds: the seeds.
 
     Raises:
-        ContractError: the method raises, writes to demonstrations, or returns what cannot be
-            stored.
+        ContractError: the method raises, writes to the demonstrations, or returns something that
+            cannot be stored.
     """
     found = fitted(method, values, layout, demos, validation, seeds)
     return [stored(one, values, layout) for one in found]
@@ -137,7 +137,7 @@ def fitted(
     validation: Demos,
     seeds: Sequence[int],
 ) -> list[Method]:
-    """Returns the objects that `fit_seeds` returns, see `learn`."""
+    """Returns the objects from the method's `fit_seeds`, see `learn`."""
     given = _copied(demos), _copied(validation)
     config = build(method, values, layout).config
     with _calling("fit"):
@@ -164,20 +164,20 @@ def _arrays(demos: Demos) -> list[bytes]:
 
 
 def stored(fit: Method, values: Mapping[str, Any], layout: Layout) -> Learnt:
-    """Returns what a fitted method has learnt, see `learn`."""
+    """Stores what a fitted method has learnt, see `learn`."""
     with _calling("parameters"):
-        parameters = _stored(fit.parameters(), "parameters")
+        parameters = checked_bytes(fit.parameters(), "parameters")
     if not from_bytes(parameters):
-        raise ContractError("parameters() is empty: there is nothing that load could take")
+        raise ContractError("parameters() is empty: load would have nothing to restore")
     with _calling("diagnostics"):
-        diagnostics = _stored(fit.diagnostics(), "diagnostics")
+        diagnostics = checked_bytes(fit.diagnostics(), "diagnostics")
     return Learnt(parameters, diagnostics, loaded(type(fit), values, layout, parameters))
 
 
 def loaded(
     method: type[Method], values: Mapping[str, Any], layout: Layout, parameters: bytes
 ) -> Method:
-    """Returns a method with parameters that `learn` gave.
+    """Returns a new object of a method that has loaded parameters from `learn`.
 
     Raises:
         ContractError: the method raises.
@@ -188,12 +188,21 @@ def loaded(
     return again
 
 
-def _stored(arrays: Any, what: str) -> bytes:
+def checked_bytes(arrays: Any, what: str) -> bytes:
+    """Returns a method's arrays by name as bytes, which `tasks.files.from_bytes` reads.
+
+    Args:
+        arrays: whatever the method returned.
+        what: the name of its function, for the error message.
+
+    Raises:
+        ContractError: it is not a dictionary of arrays that can be stored.
+    """
     if not isinstance(arrays, Mapping):
         raise ContractError(f"{what}() must return arrays by name, got {_shown(arrays)}")
     for name, array in arrays.items():
         if not isinstance(name, str) or not name.isprintable() or name in ("", "__metadata__"):
-            raise ContractError(f"{what}() names an array {name!r}: names are printable texts")
+            raise ContractError(f"{what}() names an array {name!r}: names must be printable texts")
         plain = type(array) is np.ndarray and array.dtype.kind in "biufc"
         if not plain or array.dtype.itemsize > (16 if array.dtype.kind == "c" else 8):
             raise ContractError(
@@ -212,16 +221,16 @@ def _stored(arrays: Any, what: str) -> bytes:
 def motion(method: MotionMethod, start: FloatArray, steps: int) -> FloatArray:
     """Returns the motion that a method predicts, (B, steps + 1, D) or (B, steps + 1, H).
 
-    Numbers that are not finite are returned as they are.
+    The motion may hold NaN and infinite numbers.
 
     Args:
-        method: what predicts.
+        method: a fitted method.
         start: x(1), (B, D).
-        steps: states after the start.
+        steps: number of states after the start.
 
     Raises:
-        ContractError: the method raises, or the answer is not a NumPy array of floats of such a
-            shape.
+        ContractError: the method raises, or its answer is not a NumPy array of floats with one of
+            these shapes.
     """
     layout = method.layout
     shapes = [(len(start), steps + 1, dim) for dim in (layout.state_dim, layout.robot_dim)]
@@ -230,7 +239,7 @@ def motion(method: MotionMethod, start: FloatArray, steps: int) -> FloatArray:
 
 
 def begin(method: ActionMethod, starts: FloatArray) -> None:
-    """Tells a method that episodes begin at the states (B, D).
+    """Resets a method for episodes that begin at the states ``starts`` (B, D).
 
     Raises:
         ContractError: the method raises.
@@ -242,10 +251,10 @@ def begin(method: ActionMethod, starts: FloatArray) -> None:
 def actions(method: ActionMethod, state: FloatArray, t: int) -> FloatArray:
     """Returns the actions (B, A) of a method for the states (B, D) after t control steps.
 
-    Numbers that are not finite are returned as they are.
+    The actions may hold NaN and infinite numbers.
 
     Raises:
-        ContractError: the method raises, or the answer is not a NumPy array of floats of that
+        ContractError: the method raises, or its answer is not a NumPy array of floats with this
             shape.
     """
     shapes, when = [(len(state), method.layout.action_dim)], f", at t={t}"

@@ -1,15 +1,15 @@
-"""What a run must know of a method without importing it.
+"""Describes a method in plain data, for processes that must not import it.
 
-The process that plans a run never imports the code of a package: a process of its own describes the
-method in plain data, and a stand-in with the same sizes and variants takes its place.
+The process that plans a run never imports the code of a package. Another process describes the
+method, and a stand-in with the same sizes and variants takes its place.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, make_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass
 from types import NoneType, UnionType
 from typing import Any, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.base import ActionMethod, Method, MotionMethod, config_of, fits_together
 from methods.contract import ContractError, from_json, resolved
 
 _PLAIN = (bool, int, float, str, NoneType)
@@ -23,35 +23,38 @@ class Description:
     summary: str
     version: int
     motions: bool
-    """Whether it predicts motions; else it acts."""
+    """True for a MotionMethod, False for an ActionMethod."""
     together: bool
-    """Whether it trains several seeds together."""
+    """True if it overrides `fit_seeds`."""
     deterministic: bool
     sizes: Mapping[str, Mapping[str, Any]]
-    """By size, the fields of its config, see `methods.contract.resolved`."""
+    """For each size, the config's values (`methods.contract.resolved`)."""
     default_size: Mapping[str, str]
     variants: Mapping[str, Mapping[str, Any]]
     hints: Mapping[str, Any]
-    """By field of the configs, what it is declared as; object where that is not plain."""
+    """For each field of the configs, its type; `object` if that is not plain data."""
 
 
 def describe_method(method: type[Method]) -> Description:
     """Returns the description of a method.
 
     Raises:
-        ContractError: the class does not say what it must.
+        ContractError: the class lacks what a run needs to know, or a config cannot be stored.
     """
     if type(method.version) is not int:
         raise ContractError(f"version must be a whole number, got {method.version!r}")
-    if not method.sizes or "described" not in method.variants:
-        raise ContractError("it needs at least one size, and the variant 'described'")
+    if not method.sizes:
+        raise ContractError("sizes is empty: it needs at least one size")
+    if "described" not in method.variants:
+        raise ContractError("variants lacks 'described'")
     kinds = {type(config) for config in method.sizes.values()}
     if len(kinds) > 1:
         names = sorted(kind.__name__ for kind in kinds)
         raise ContractError(f"all sizes must have configs of one class, got {', '.join(names)}")
-    for changes in method.variants.values():
-        for config in method.sizes.values():
-            _check_epochs(resolved(replace(config, **changes)))
+    for size, config in method.sizes.items():
+        for variant, changes in method.variants.items():
+            _check_config(size, config, variant, changes)
+            _check_epochs(resolved(config_of(method, size, variant)))
     (kind,) = kinds
     declared = get_type_hints(kind)
     return Description(
@@ -68,6 +71,17 @@ def describe_method(method: type[Method]) -> Description:
     )
 
 
+def _check_config(size: str, config: Any, variant: str, changes: Mapping[str, Any]) -> None:
+    """Raises ContractError unless a config is a frozen dataclass with the fields of a variant."""
+    frozen = is_dataclass(config) and type(config).__setattr__ is not object.__setattr__
+    if not frozen:
+        raise ContractError(f"the config of size {size!r} is not a frozen dataclass")
+    unknown = sorted(set(changes) - {field.name for field in fields(config)})
+    if unknown:
+        listed = ", ".join(map(repr, unknown))
+        raise ContractError(f"variant {variant!r} sets {listed}, which size {size!r} lacks")
+
+
 def _check_epochs(values: Mapping[str, Any]) -> None:
     epochs = values.get("epochs", 1)
     if type(epochs) is not int or epochs < 1:
@@ -82,7 +96,7 @@ def _plain(hint: Any) -> Any:
 
 
 def stand_in(description: Description) -> type[Method]:
-    """Returns a class with all that a description says, whose methods cannot be called."""
+    """Returns a class with everything in a description, whose methods cannot be called."""
     declared = list(description.hints.items())
     config = make_dataclass("Config", declared, frozen=True, kw_only=True)
     base = MotionMethod if description.motions else ActionMethod
@@ -100,4 +114,4 @@ def stand_in(description: Description) -> type[Method]:
 
 
 def _refuse(*arguments: Any, **options: Any) -> NoReturn:
-    raise NotImplementedError("a stand-in only says what a method is")
+    raise NotImplementedError("a stand-in cannot be called")

@@ -1,13 +1,13 @@
 """A DMP layer: dynamic movement primitives as a differentiable function of their parameters.
 
-Each dimension follows its own primitive (as in neural dynamic policies, appendix E):
+Each dimension follows a primitive of its own (as in neural dynamic policies, appendix E):
 
     s'  = -a_x s                                  canonical system, s = 1 at the start
     f   = s (g - y1) sum_i w_i psi_i(s) / sum_i psi_i(s)        forcing term
     y'' = alpha (beta (g - y) - y') + f
 
-integrated by Euler's explicit steps from y = y1, y' = v1. The motion is linear in y1, v1, g and in
-the products w_i (g - y1), so that N_b + 3 basis motions, integrated once, replace the loop over
+integrated with explicit Euler steps from y = y1, y' = v1. The motion is linear in y1, v1, g and the
+products w_i (g - y1). So N_b + 3 basis motions, which are integrated once, replace the loop over
 time in every forward and backward pass.
 """
 
@@ -21,23 +21,23 @@ from torch import Tensor
 from tasks.data import FloatArray
 
 WHITENING_FLOOR = 1e-6
-"""Share of the largest singular value below which combinations of basis motions stay small: float32
-would lose in ever larger weights what their differences say."""
+"""Fraction of the largest singular value at which the whitening stops growing. Beyond it, weights
+would become so large that float32 loses their differences."""
 NEGLIGIBLE = 1e-30
-"""What a basis motion is taken to be 0 below: in float32 it or its products would be subnormal,
-which changes no sum and makes a matrix product ten times slower."""
+"""Basis motions smaller than this are set to 0. In float32 they or their products would be
+subnormal, which makes a matrix product ten times slower and changes no sum."""
 
 
 @dataclass(frozen=True)
 class DMPConfig:
-    """Constants of the primitives; those of neural dynamic policies unless told."""
+    """Constants of the primitives. The defaults are those of neural dynamic policies."""
 
     basis_functions: int
-    """N_b, radial basis functions of the forcing term."""
+    """N_b, number of radial basis functions of the forcing term."""
     steps: int
-    """T - 1, steps of integration."""
+    """T - 1, number of integration steps."""
     dt: float
-    """Length of a step, in units in which the motion lasts about 1."""
+    """Length of a step, in units in which the motion takes about 1."""
     a_x: float = 1.0
     alpha: float = 25.0
     beta: float = 6.25
@@ -50,7 +50,7 @@ def dmp(config: DMPConfig, start: Tensor, goal: Tensor, weights: Tensor) -> Tens
     """Returns the motions after their starts, (..., T-1, K).
 
     Args:
-        config: the constants.
+        config: the constants of the primitives.
         start: y1, (..., K).
         goal: g, (..., K).
         weights: w, (..., K, N_b).
@@ -69,10 +69,10 @@ def dmp(config: DMPConfig, start: Tensor, goal: Tensor, weights: Tensor) -> Tens
 
 @cache
 def basis_motions(config: DMPConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Returns how start, goal, start velocity (T-1,) and each weight (T-1, N_b) enter a motion."""
+    """Returns the basis motions of start, goal, start velocity (T-1,) and weights (T-1, N_b)."""
     count = config.basis_functions
     activations = forcing_activations(config)
-    # Columns: a motion for the start, the goal, the velocity, and each basis function alone.
+    # Columns: the motions of the start, the goal, the velocity and each basis function alone.
     y, v, g = (np.zeros(3 + count) for _ in range(3))
     y[0], g[1], v[2] = 1.0, 1.0, 1.0
     motions = np.empty((config.steps, 3 + count))
@@ -97,11 +97,11 @@ def forcing_activations(config: DMPConfig) -> FloatArray:
 
 @cache
 def whitening(config: DMPConfig) -> FloatArray:
-    """Returns (N_b, N_b), which numbers of order 1 are multiplied by to be weights w.
+    """Returns a matrix (N_b, N_b) that turns numbers z of order 1 into weights w = z whitening.
 
-    The basis motions of the weights are nearly dependent (of 20, singular values over ten decades),
-    and a gradient hardly moves what only small differences of them can express. With
-    w = z whitening, each of the numbers z moves the motion about as much as any other.
+    The basis motions of the weights are nearly linearly dependent: the singular values of 20 span
+    ten decades. A gradient in w hardly changes motions that only small differences of basis motions
+    express. Each number in z changes the motion about equally.
     """
     of_weights = basis_motions(config)[3]
     _, values, combinations = np.linalg.svd(of_weights, full_matrices=False)

@@ -1,7 +1,7 @@
-"""Guard the process: code of a method starts from one state, and what it changes is changed back.
+"""Guards the state of the process: it is the same before each method, and restored after it.
 
 A method may change the current folder, torch's default dtype, a random stream or a function of
-NumPy. Without a guard, whatever runs next in the same process would compute something else.
+NumPy. Without a guard, the next job in the same process would compute something else.
 """
 
 import builtins
@@ -30,13 +30,13 @@ from tasks.data import generator
 
 _SINGLE_THREADED = ("MKL", "NUMBA", "OMP", "OPENBLAS")
 _GUARDED = ("bench", "methods", "numpy", "scipy", "tasks")
-"""Packages whose functions and classes are put back where a method replaces them."""
+"""Packages whose functions and classes are restored if a method replaces them."""
 _MODULES = (builtins, json, math, os, random, time, torch, torch.linalg, torch.nn.functional)
 _CODE = (FunctionType, BuiltinFunctionType, np.ufunc, type, type(np.linalg.solve))
 _HELPERS = ("resource_tracker", "forkserver")
-"""Child processes that Python itself starts once and keeps."""
+"""Child processes that Python itself starts and keeps."""
 _GRACE = 3.0
-"""Seconds that a child process has to end before it is killed."""
+"""Seconds until a child process that was asked to end is killed."""
 
 
 @contextmanager
@@ -44,12 +44,12 @@ def guarded(*stream: str | int) -> Iterator[list[str]]:
     """Runs code in an empty folder, on one thread, with seeded global random streams.
 
     Args:
-        stream: names what the code computes. The global streams of random, NumPy and torch are
-            seeded by it, so that a method that draws from them repeats itself.
+        stream: seeds the global random streams of random, NumPy and torch, so that a method that
+            uses them is repeatable. It names what the code computes.
 
     Yields:
-        A list that afterwards names what the code had changed. All of it has been changed back,
-        but for threads that it left running.
+        A list. After the block, it names the parts of the process that the code changed. They are
+        restored, except for threads that still run.
     """
     changed: list[str] = []
     before = [part.read() for part in PARTS]
@@ -86,7 +86,7 @@ def _begin(scratch: str, *stream: str | int) -> None:
 
 
 def _functions() -> dict[Any, dict[str, Any]]:
-    """The functions and classes of guarded modules and of our own classes, by owner and name."""
+    """The functions and classes of guarded modules and the suite's classes, by owner and name."""
     modules = {m for name, m in list(sys.modules.items()) if name.partition(".")[0] in _GUARDED}
     owners: list[Any] = [*filter(None, modules.union(_MODULES)), torch.Tensor]
     found = {owner: _code(owner) for owner in owners}
@@ -95,7 +95,7 @@ def _functions() -> dict[Any, dict[str, Any]]:
 
 
 def _code(owner: Any) -> dict[str, Any]:
-    # Not isinstance, which makes deprecated names of torch warn.
+    # isinstance would make deprecated names of torch warn.
     return {n: v for n, v in list(vars(owner).items()) if issubclass(type(v), _CODE)}
 
 
@@ -104,7 +104,7 @@ def _is_our_class(value: Any) -> bool:
 
 
 def _put_back(functions: dict[Any, dict[str, Any]]) -> list[str]:
-    """Puts back what was replaced and removes what was added to classes; returns the names."""
+    """Restores replaced functions and removes those added to classes; returns their names."""
     changed = []
     for owner, before in functions.items():
         for name, value in before.items():

@@ -1,11 +1,11 @@
 """KODex: a Koopman operator as the model of a manipulation skill (appendix A, E).
 
-The lifted state phi(x) evolves linearly, z(t+1) = K z(t). K is the least-squares solution over all
-pairs of successive states of the demonstrations, K = A pinv(G) (appendix (9)):
+The lifted state phi(x) evolves linearly, z(t+1) = K z(t). K = A pinv(G) is the least-squares
+solution over all pairs of successive states in the demonstrations (appendix (9)):
 
     A = 1/M sum phi(x(t+1)) phi(x(t))^T,    G = 1/M sum phi(x(t)) phi(x(t))^T.
 
-There is nothing random in it and nothing to tune but the observables.
+Nothing in it is random, and only the observables can be tuned.
 """
 
 from collections.abc import Mapping
@@ -24,16 +24,17 @@ from tasks.errors import InputError
 
 @dataclass(frozen=True)
 class KodexConfig:
-    """What can be chosen about KODex.
+    """The settings of KODex.
 
     Raises:
         InputError: the cutoff is below 0.
     """
 
     observables: int | str = 3
-    """Number of a set of appendix J, or the import path ``"package.module:name"`` of others."""
+    """Number of a set of appendix J, or the import path ``"package.module:name"`` of a function."""
     cutoff: float = 1.0
-    """Directions of G below this multiple of p eps of its largest are noise, in pinv(G)."""
+    """Multiple of p eps, relative to the largest singular value of G, below which pinv(G) treats
+    singular values as zero."""
 
     def __post_init__(self) -> None:
         if not self.cutoff >= 0:
@@ -41,11 +42,11 @@ class KodexConfig:
 
 
 LIFTING_VARIANTS = ("described", "set_1", "set_2", "set_4")
-"""The variants that differ in their set of observables; the third set is the one described."""
+"""The variants with different sets of observables. ``described`` has the third set."""
 
 
 class Kodex(MotionMethod):
-    """The Koopman operator K (p, p) and what follows from it."""
+    """Predicts motions with the Koopman operator K, (p, p)."""
 
     name = "kodex"
     summary = "Koopman operator on polynomial observables"
@@ -72,21 +73,21 @@ class Kodex(MotionMethod):
 
     @property
     def koopman(self) -> FloatArray:
-        """K, (p, p).
+        """The Koopman operator K, (p, p).
 
         Raises:
-            NotFittedError: neither `fit` nor `load` came before.
+            NotFittedError: neither `fit` nor `load` was called.
         """
         if self._koopman is None:
             raise NotFittedError("this KODex has no K yet: call fit or load")
         return self._koopman
 
     def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
-        """Solves for K; validation and seed change nothing."""
+        """Solves for K. Validation demonstrations and seed have no effect."""
         lifted = self._lift(demos.states)
         before, after = (_flat(lifted[:, rows]) for rows in (slice(None, -1), slice(1, None)))
-        # G has no clear gap between signal and noise, so the order of summation moves K: one
-        # thread makes it the same everywhere.
+        # G has no clear gap between signal and noise, so K depends on the order of summation. One
+        # thread gives the same order everywhere.
         with threadpool_limits(1, "blas"):
             koopman = solve_koopman(before, after, self.config.cutoff)
             states = slice(0, self.layout.state_dim)
@@ -99,22 +100,22 @@ class Kodex(MotionMethod):
         return {"koopman": self.koopman}
 
     def load(self, parameters: Parameters) -> None:
-        """Takes K."""
+        """Restores K."""
         self._koopman = parameters["koopman"]
         self._readouts = self._residuals = None
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
-        """Returns z(t+1) = K z(t) read out as x, (B, steps + 1, D): no lifting on the way."""
+        """Returns the states x in z(t+1) = K z(t), (B, steps + 1, D). Only the start is lifted."""
         with threadpool_limits(1, "blas"):
             predicted = self._lift(start) @ self._read_out(steps).T
         predicted = predicted.reshape(len(start), steps, self.layout.state_dim)
         return np.concatenate([start[:, None], predicted], axis=1)
 
     def diagnostics(self) -> Parameters:
-        """Returns the spectrum of K, and after a fit how well K explains the pairs it is from.
+        """Returns the spectrum of K and, after a fit, the residuals on the training pairs.
 
-        ``eigenvalues`` (p, 2) are real and imaginary parts (Fig. 7, Table 12);
-        ``one_step_residuals`` (D,) mean absolute errors of x(t+1) from phi(x(t)).
+        ``eigenvalues`` (p, 2) holds real and imaginary parts (Fig. 7, Table 12),
+        ``one_step_residuals`` (D,) the mean absolute errors of x(t+1) predicted from phi(x(t)).
         """
         with threadpool_limits(1, "blas"):
             values = scipy.linalg.eigvals(self.koopman)
@@ -126,7 +127,7 @@ class Kodex(MotionMethod):
     def _read_out(self, steps: int) -> FloatArray:
         """The rows of K, K^2, ..., K^steps that give x, (steps D, p).
 
-        They serve every start, and cost far less than taking each lifted state through K.
+        They are computed once for all starts. Multiplying each lifted state by K costs far more.
         """
         dim = self.layout.state_dim
         if self._readouts is None or len(self._readouts) < steps * dim:
@@ -142,10 +143,10 @@ class Kodex(MotionMethod):
 
 
 def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> FloatArray:
-    """Returns K = A pinv(G), (p, p), of lifted pairs (M, p) and (M, p) (appendix (9)).
+    """Returns K = A pinv(G), (p, p), from lifted pairs (M, p) and (M, p) (appendix (9)).
 
-    Singular values of G below cutoff * p * eps times the largest count as zero: numpy's smaller
-    default keeps directions that are rounding errors.
+    Singular values of G below cutoff * p * eps times the largest count as zero. NumPy's smaller
+    default would keep directions that are rounding errors.
 
     Raises:
         InputError: the pairs are not real, or not two arrays of one shape (M, p).
@@ -156,7 +157,7 @@ def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) ->
     pairs, observables = before.shape
     a = after.T @ before / pairs
     g = before.T @ before / pairs
-    # G is symmetric and positive semidefinite: its eigenvalues are its singular values.
+    # G is symmetric and positive semidefinite, so its eigenvalues are its singular values.
     inverse = scipy.linalg.pinvh(g, rtol=cutoff * observables * np.finfo(np.float64).eps)
     return a @ inverse
 

@@ -1,8 +1,8 @@
 """Lifting functions: the observables in which a Koopman operator is linear (appendix E, J).
 
-The lifted state is phi(x) = [x_r, x_o, psi_r(x_r), psi_o(x_o)] (appendix (8); the order within
-does not matter to K, and this one keeps the state in front). Observables are chosen by the number
-of a set of appendix J or by a callable of one's own, given itself or as ``"package.module:name"``.
+The lifted state is phi(x) = [x_r, x_o, psi_r(x_r), psi_o(x_o)] (appendix (8), reordered so that the
+state comes first). Observables are chosen by the number of a set of appendix J, as a callable, or
+by the import path ``"package.module:name"`` of a callable.
 """
 
 from collections.abc import Callable
@@ -15,14 +15,15 @@ from tasks.data import FloatArray, real
 from tasks.errors import InputError, described, unknown_name
 
 Observables = Callable[[FloatArray, FloatArray], FloatArray]
-"""Maps x_r (..., H) and x_o (..., O) to the further observables psi (..., Q)."""
+"""Maps x_r (..., H) and x_o (..., O) to the observables psi (..., Q) beyond the state."""
 
 
 def lift(state: FloatArray, robot_dim: int, observables: Observables) -> FloatArray:
     """Returns the lifted states (..., p) of states x (..., D), p = D + Q.
 
     Raises:
-        InputError: the observables do not come back as (..., Q), or either is not real.
+        InputError: the observables do not have shape (..., Q), or states or observables are not
+            real.
     """
     state = real("states", state)
     psi = real("observables", observables(state[..., :robot_dim], state[..., robot_dim:]))
@@ -35,10 +36,12 @@ def lift(state: FloatArray, robot_dim: int, observables: Observables) -> FloatAr
 
 
 def get_observables(chosen: int | str | Observables) -> Observables:
-    """Returns the observables of a set number of appendix J, an import path, or themselves.
+    """Returns the observables of a set number of appendix J or of an import path.
+
+    A callable is returned unchanged.
 
     Raises:
-        InputError: there is no such set, or nothing to call at the import path.
+        InputError: there is no such set, or no callable at the import path.
     """
     if callable(chosen):
         return chosen
@@ -50,7 +53,7 @@ def get_observables(chosen: int | str | Observables) -> Observables:
     try:
         found = import_module(module)
         observables = getattr(found, name, None)
-    except BaseException as error:  # whatever a module raises: it may call sys.exit
+    except BaseException as error:  # a module may raise anything, or call sys.exit
         raise InputError(
             f"observables {chosen!r}: cannot import {module!r}: {described(error)}; give a set"
             f" number from {list(SETS)} or 'package.module:name'"
@@ -78,7 +81,7 @@ def cubes(x: FloatArray) -> FloatArray:
 
 
 def squares_times(x: FloatArray) -> FloatArray:
-    """Returns x_i^2 x_j for all ordered i, j, (..., n^2); i = j is the cube."""
+    """Returns x_i^2 x_j for all ordered pairs i, j, (..., n^2)."""
     return (x[..., :, None] ** 2 * x[..., None, :]).reshape(*x.shape[:-1], -1)
 
 
@@ -96,4 +99,4 @@ SETS: dict[int, Observables] = {
     3: partial(_polynomials, (products, cubes), (products, squares_times)),
     4: partial(_polynomials, (products, squares_times), (products, squares_times)),
 }
-"""The four sets of appendix J, Table 11; the third is appendix (11)."""
+"""The four sets of appendix J, Table 11. The third is appendix (11)."""

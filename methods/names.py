@@ -1,6 +1,6 @@
-"""What a method, its sizes and its variants may be called.
+"""Checks the names of methods, sizes and variants.
 
-The names become folders of results, words of a command line and modules of Python.
+They become names of result folders, words on command lines and Python modules.
 """
 
 import keyword
@@ -13,21 +13,21 @@ from tasks.errors import InputError, printable
 
 LONGEST = 40
 RESERVED = ("expert", "none", "validation", "bench", "methods", "reports", "tasks")
-"""What the suite itself calls by such names: rows of tables, splits, controllers, packages."""
+"""Names that the suite uses itself, for rows of tables, splits, controllers and packages."""
 _METHOD = re.compile(rf"[a-z][a-z0-9_]{{0,{LONGEST - 1}}}")
 _LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_.+]{{0,{LONGEST - 1}}}")
 
 
 def check_method_name(name: object, taken: Iterable[str] = ()) -> None:
-    """Checks what a method is called.
+    """Checks the name of a method.
 
     Args:
-        name: a word of a-z, 0-9 and _ that begins with a letter, is no keyword, no module of
-            Python's standard library and none of `RESERVED`.
-        taken: names that it must not be either.
+        name: a word of a-z, 0-9 and _ that begins with a letter. It must not be a keyword of
+            Python, a module of its standard library or one of `RESERVED`.
+        taken: names that are in use.
 
     Raises:
-        InputError: it cannot be called so.
+        InputError: the name is not allowed.
     """
     if not (isinstance(name, str) and _METHOD.fullmatch(name)):
         raise _refusal("a method", name, f"use 1 to {LONGEST} of a-z, 0-9 and _, a letter first")
@@ -42,30 +42,30 @@ def check_method_name(name: object, taken: Iterable[str] = ()) -> None:
 
 
 def check_new_name(name: str, taken: Iterable[str]) -> None:
-    """Checks what a method is called whose module is yet to be written, see `check_method_name`.
+    """Checks the name of a method whose module will be written, see `check_method_name`.
 
     Raises:
-        InputError: it cannot be called so, or a module of that name can be imported already.
+        InputError: the name is not allowed, or a module of that name is installed.
     """
     check_method_name(name, taken)
     try:
         module = find_spec(name)
-        importable = module is not None and module.origin is not None  # a mere folder has none
-    except ValueError:  # imported, and says nothing of where it is from
+        importable = module is not None and module.origin is not None  # a folder has no origin
+    except ValueError:  # an imported module without a __spec__
         importable = True
     if importable:
         raise _refusal("a method", name, "a module of that name is installed")
 
 
 def check_label(kind: str, name: object) -> None:
-    """Checks what a size or a variant is called.
+    """Checks the name of a size or a variant.
 
     Args:
         kind: ``"size"`` or ``"variant"``.
         name: a word of ASCII letters, digits, _, . and + that begins with a letter or a digit.
 
     Raises:
-        InputError: it cannot be called so.
+        InputError: the name is not allowed.
     """
     if not (isinstance(name, str) and _LABEL.fullmatch(name)):
         allowed = f"use 1 to {LONGEST} ASCII letters, digits, _, . and +, a letter or digit first"

@@ -1,4 +1,4 @@
-"""NDP: a network that gives the parameters of a DMP layer, and so a whole motion (appendix E)."""
+"""NDP: a network that outputs the parameters of a DMP layer, which is a motion (appendix E)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ from tasks.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class NDPConfig(NetworkConfig):
-    """Table 4 gives layers and basis functions; the rest is chosen on validation data."""
+    """Layers and basis functions are those of Table 4; the rest is chosen on validation data."""
 
     hidden: tuple[int, ...]
     basis_functions: int
     whole_state: bool = False
-    """Whether the object's state follows primitives too."""
+    """Whether the object's state also follows primitives."""
     goal_gain: float = 1.0
-    """What the network's goals are multiplied by."""
+    """Factor of the goals that the network outputs."""
     weight_gain: float | None = None
-    """What the network's weights of basis functions are multiplied by; unless told, the matrix of
+    """Factor of the basis-function weights that the network outputs. Default: the matrix of
     `methods.dmp.whitening`."""
     dt: float | None = None
-    """Length of a step; unless told 1 / (T-1), so that the phase spans the motion."""
+    """Length of a step. Default: 1 / (T-1), so that the phase spans the motion."""
     published_start: bool = False
-    """Whether training starts from the published distribution of the layers."""
+    """Whether the layers are initialised as in the published code."""
     epochs: int = 300
     batch_size: int = 16
     learning_rate: float = 1e-3
@@ -42,12 +42,12 @@ class NDPConfig(NetworkConfig):
         super().__post_init__()
         check_above(self, 0, "hidden")
         check_above(self, 1, "basis_functions")
-        if self.dt is not None and not 0 < self.dt < 1:  # a step of 1 would end the phase
+        if self.dt is not None and not 0 < self.dt < 1:  # the phase would end after a step of 1
             raise InputError(f"dt must be above 0 and below 1, got {self.dt!r}")
 
 
 class NDP(NetworkMethod):
-    """From x(1), a goal and N_b weights for each joint of the hand."""
+    """Maps x(1) to a goal and N_b weights for each joint of the hand."""
 
     name = "ndp"
     summary = "dynamic movement primitives whose parameters a network gives"
@@ -81,11 +81,11 @@ class NDP(NetworkMethod):
 
     @property
     def driven(self) -> int:
-        """How many of the state's numbers follow primitives: H, or all D."""
+        """Number of state components that follow primitives: H, or all D."""
         return self.layout.state_dim if self.config.whole_state else self.layout.robot_dim
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
-        """Returns the layers from D to a goal and N_b weights for each number that is driven."""
+        """Returns the layers from D inputs to a goal and N_b weights per driven component."""
         outputs = self.driven * (1 + self.config.basis_functions)
         widths = (self.layout.state_dim, *self.config.hidden, outputs)
         layers = _published_layers if self.config.published_start else mlp_weights
@@ -111,7 +111,7 @@ class NDP(NetworkMethod):
 def _published_layers(
     rng: np.random.Generator, name: str, widths: tuple[int, ...]
 ) -> dict[str, FloatArray]:
-    """Uniform within 1 / sqrt(outputs) and biases of 0.1; the last orthogonal, without bias."""
+    """Hidden layers uniform within 1 / sqrt(outputs), biases 0.1; last orthogonal, biases 0."""
     *hidden, (inputs, outputs) = pairwise(widths)
     arrays: dict[str, FloatArray] = {}
     for i, (into, out) in enumerate(hidden):

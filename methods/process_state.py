@@ -1,6 +1,6 @@
-"""What a process has that code of a method may change, each with how it is read and set.
+"""The parts of a process's state that a method may change, with functions to read and set them.
 
-`methods.guard` restores all of it after the code has ended.
+`methods.guard` restores them after a method has run.
 """
 
 import gc
@@ -30,7 +30,7 @@ class Part:
 
     name: str
     read: Callable[[], Any]
-    """Returns a value that can be compared and given to `write`."""
+    """Returns a comparable value, which `write` accepts."""
     write: Callable[[Any], object]
 
 
@@ -72,7 +72,7 @@ def _limits() -> dict[int, tuple[int, int]]:
 
 def _set_limits(limits: dict[int, tuple[int, int]]) -> None:
     for number, limit in limits.items():
-        with suppress(ValueError, OSError):  # a hard limit that was lowered stays
+        with suppress(ValueError, OSError):  # a lowered hard limit cannot be raised again
             resource.setrlimit(number, limit)
 
 
@@ -96,7 +96,7 @@ def _flushes_denormals() -> bool:
 
 
 def _set_device(device: torch.device) -> None:
-    # Setting the CPU, which is the default, would slow every later call of torch.
+    # Setting the default, the CPU, explicitly would slow every later call of torch.
     torch.set_default_device(None if device.type == "cpu" else device)
 
 

@@ -1,7 +1,7 @@
-"""Methods by name: those of this suite, and those of installed packages.
+"""Methods by name: those of this suite and those of installed packages.
 
-A package brings methods by entry points of the group ``bench.methods``; the entry point's name is
-the method's, and its value the class.
+A package registers a method as an entry point of the group ``bench.methods``: its name is the
+method's, and its value the class.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,41 +18,40 @@ from tasks.packages import entry_points_of, owners
 ENTRY_POINTS = "bench.methods"
 _CLASSES = {"kodex": "Kodex", "nn": "NN", "lstm": "LSTM", "ndp": "NDP", "ngf": "NGF"}
 SUITE = tuple(_CLASSES)
-"""The methods of this suite; those of packages take part where they are named."""
+"""The methods of this suite. Methods of packages are used only if they are named."""
 _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
-"""Variants whose network is another one."""
+"""Variants with a class of their own."""
 
 
 _INTRODUCED: dict[str, type[Method]] = {}
-"""Stand-ins, by name, of methods that this process must not import."""
+"""Stand-ins by name, for methods that this process must not import."""
 
 
 class MethodError(InputError):
-    """A method of a package cannot be used, for the reason the message gives."""
+    """A package's method cannot be used; the message gives the reason."""
 
 
 def method_names() -> list[str]:
-    """Returns the names of all methods there are, those of this suite first."""
+    """Returns the names of all methods, those of this suite first."""
     return [*_CLASSES, *package_methods()]
 
 
 def package_methods() -> list[str]:
-    """Returns the names of the methods that packages bring, but for `unusable` ones."""
+    """Returns the names of the methods in packages, except `unusable` ones."""
     return sorted(set(_brought()) - set(unusable()))
 
 
 def unusable() -> dict[str, str]:
-    """Returns by name why a method that packages bring cannot be used; nothing is imported.
+    """Returns the unusable methods of packages by name, with the reason. Imports nothing.
 
-    A name of the suite is among them if a package brings a method of that name: the suite's own is
-    used.
+    It includes a name of the suite if a package has a method of that name. The suite's is used.
     """
     found = {name: _fault(name, points) for name, points in _brought().items()}
     return {name: fault for name, fault in found.items() if fault}
 
 
 def unknown_method(name: str) -> InputError:
-    """Returns the error for a method that is not among `method_names`: why it cannot be used."""
+    """Returns the error for a name not in `method_names`, with the reason if it is unusable."""
     faults = unusable()
     if name in faults:
         return MethodError(faults[name])
@@ -61,29 +60,36 @@ def unknown_method(name: str) -> InputError:
 
 @cache
 def get_method(name: str, variant: str = "described") -> type[Method]:
-    """Returns the class of a method's variant, imported when it is first asked for.
+    """Returns the class of a method's variant. It is imported when it is first used.
 
     Raises:
-        MethodError: a package brings it, and it cannot be used.
+        MethodError: the method of a package cannot be used.
         InputError: there is no such method.
     """
     if name in _INTRODUCED:
         return _INTRODUCED[name]
     if name not in method_names():
         raise unknown_method(name)
-    if (name, variant) in _VARIANTS:
-        module, class_name = _VARIANTS[name, variant]
-        found = getattr(import_module(f"methods.{module}"), class_name)
-    elif name in _CLASSES:
-        found = getattr(import_module(f"methods.{name}"), _CLASSES[name])
-    else:
-        found = _load(*_brought()[name])
+    if name in _CLASSES:
+        return variant_class(_imported(name, _CLASSES[name]), variant)
+    return _load(*_brought()[name])
+
+
+def variant_class(method: type[Method], variant: str) -> type[Method]:
+    """Returns the class of a method's variant: the method itself, unless it is in `_VARIANTS`."""
+    own = method.__module__ == f"methods.{method.name}"
+    place = _VARIANTS.get((method.name, variant)) if own else None
+    return _imported(*place) if place else method
+
+
+def _imported(module: str, class_name: str) -> type[Method]:
+    found: type[Method] = getattr(import_module(f"methods.{module}"), class_name)
     return found
 
 
 @contextmanager
 def introduced() -> Iterator[Callable[[type[Method]], None]]:
-    """Yields what takes a stand-in for the method of its name, until the context ends.
+    """Yields a function that registers a stand-in for a method until the block ends.
 
     See `methods.description`.
     """
@@ -100,7 +106,7 @@ def introduced() -> Iterator[Callable[[type[Method]], None]]:
 
 
 def _brought() -> dict[str, list[EntryPoint]]:
-    """The entry points of packages by name."""
+    """The entry points of packages, by the name of the method."""
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points_of(ENTRY_POINTS):
         found.setdefault(point.name, []).append(point)
@@ -108,7 +114,7 @@ def _brought() -> dict[str, list[EntryPoint]]:
 
 
 def _fault(name: str, points: Sequence[EntryPoint]) -> str:
-    """Why the name of a method that packages bring cannot be used, if it cannot."""
+    """Why a method of packages cannot be used, judged by its name; empty if it can."""
     packages = owners(points)
     if name in _CLASSES:
         return f"{packages} brings a method {name!r}, which this suite has: {_cure(packages)}"
@@ -127,7 +133,7 @@ def _cure(packages: str) -> str:
 
 
 def _load(point: EntryPoint) -> type[Method]:
-    from methods.guard import guarded  # needs torch, which `bench list` does without
+    from methods.guard import guarded  # imports torch, which `bench list` does not need
 
     package = owners([point])
     value = printable(lambda: point.value, "", 100)
@@ -135,16 +141,16 @@ def _load(point: EntryPoint) -> type[Method]:
     try:
         with guarded("import", point.name):
             found = point.load()
-            fault = _class_fault(found, point.name)
-    except BaseException as error:  # whatever a module raises: it may call sys.exit
+            fault = class_fault(found, point.name)
+    except BaseException as error:  # a module may raise anything, or call sys.exit
         raise MethodError(f"{place} cannot be imported: {described(error)}; {cure}") from error
     if fault:
         raise MethodError(f"{place} cannot be used: {fault}; {cure}")
     return found
 
 
-def _class_fault(found: object, name: str) -> str:
-    """Why something is not the class of a method of that name, if it is not."""
+def class_fault(found: object, name: str) -> str:
+    """Returns why an object is not the class of a method of that name, or an empty text."""
     kinds = (MotionMethod, ActionMethod)
     if not (isinstance(found, type) and issubclass(found, kinds)):
         return (

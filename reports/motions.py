@@ -87,8 +87,9 @@ def _motions(
 
 def _demonstrated(row: Mapping[str, Any], start: int) -> FloatArray:
     """What a fit was to imitate from a start of ``test``, (T, H)."""
-    from tasks.demos import demos_key, load_demos, record
+    from tasks.demos import demos_key, load_demos
     from tasks.experts import load_expert
+    from tasks.recorder import record
     from tasks.registry import get_task
 
     task = get_task(row["task"])

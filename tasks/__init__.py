@@ -1,4 +1,4 @@
-"""What is to be done: four Adroit-hand tasks in MuJoCo, without any notion of a method."""
+"""Four Adroit-hand tasks in MuJoCo. This package knows nothing about methods."""
 
 from tasks.pins import pin
 

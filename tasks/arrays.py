@@ -1,6 +1,6 @@
-"""Demonstrations from arrays: recorded actions are replayed, and what happens then is kept.
+"""Demonstrations from arrays: recorded actions are replayed in the simulator.
 
-Nothing in a file is executed: no pickle.
+Nothing in a file is unpickled or executed.
 """
 
 import sys
@@ -14,33 +14,34 @@ from numpy.typing import ArrayLike
 
 from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, Starts, real
-from tasks.demos import record, save_demos
+from tasks.demos_files import save_demos
 from tasks.errors import InputError
 from tasks.files import new_path, path_of
+from tasks.recorder import record
 from tasks.simulator import Simulator
 
 REQUIRED, OPTIONAL = ("actions", "starts"), ("states",)
+_AXES = {"actions": "T-1, A", "starts": "P", "states": "T, D"}
 _UNREADABLE = (OSError, ValueError, EOFError, KeyError, MemoryError, zipfile.BadZipFile)
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """What came of replaying recorded episodes."""
+    """The outcome of replaying recorded episodes."""
 
     demos: Demos
-    """Those that succeed on replay."""
+    """The episodes that succeed on replay."""
     success: BoolArray
-    """(N,) of all episodes, in their order."""
+    """(N,) success of every episode, in order."""
     drift: float | None = None
-    """Largest difference between given states and those of the replay, over episodes that succeed;
-    None if none were given."""
+    """Largest difference between the given states and the replayed ones, over successful episodes;
+    None if no states were given."""
 
     def save(self, file: str | Path) -> None:
         """Writes the demonstrations to a new file, for `bench run --demos`.
 
         Raises:
-            InputError: no episode succeeds, something is there already, or its folder cannot be
-                written to.
+            InputError: no episode succeeds, the file exists, or its folder cannot be written to.
         """
         path = new_path(path_of("file", file))
         if not len(self.demos):
@@ -49,14 +50,14 @@ class Replayed:
 
 
 class Replay:
-    """A policy that plays back actions, one row for each index of a start."""
+    """A policy that plays back actions, one row per index of a start."""
 
     def __init__(self, actions: FloatArray) -> None:
         """Takes actions (N, T-1, A)."""
         self._actions = actions
 
     def reset(self, simulator: Simulator) -> None:
-        """Chooses the actions of the episodes."""
+        """Selects the actions of the episodes' starts."""
         self._chosen = self._actions[simulator.starts.index]
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
@@ -67,15 +68,15 @@ class Replay:
 def replay_arrays(
     task: Task, actions: ArrayLike, starts: ArrayLike, states: ArrayLike | None = None
 ) -> Replayed:
-    """Returns recorded episodes of a task, replayed in the simulator from their starts.
+    """Replays recorded episodes of a task from their starts.
 
-    States and velocities of the demonstrations are those of the replay.
+    The states and velocities of the returned demonstrations come from the replay.
 
     Args:
-        task: what the episodes show.
-        actions: (N, T-1, A) normalised servo set-points, clipped to [-1, 1].
-        starts: (N, P) what varies from one episode to the next, see `bench describe TASK`.
-        states: (N, T, D), only to be compared with those of the replay.
+        task: the task.
+        actions: (N, T-1, A) normalised servo set-points; they are clipped to [-1, 1].
+        starts: (N, P) start values, see `bench describe TASK`.
+        states: (N, T, D) recorded states. They are only compared with the replayed ones.
 
     Raises:
         InputError: an array is not real and finite or has another shape, or a start is out of the
@@ -95,11 +96,11 @@ def replay_arrays(
 
 
 def read_arrays(file: Path) -> dict[str, FloatArray]:
-    """Returns the arrays of an ``.npz`` file that `replay_arrays` takes; stderr names others.
+    """Returns the arguments of `replay_arrays` from an ``.npz`` file. Names other arrays on stderr.
 
     Raises:
-        InputError: it does not exist, is no such file, lacks an array, or holds one of Python
-            objects, which would have to be unpickled.
+        InputError: the file does not exist, is not an ``.npz`` file, lacks an array, or holds an
+            array of Python objects, which would have to be unpickled.
     """
     if file.suffix != ".npz":
         raise InputError(f"{file} must end in .npz: an archive as numpy.savez writes it is read")
@@ -107,14 +108,14 @@ def read_arrays(file: Path) -> dict[str, FloatArray]:
         raise InputError(f"{file} does not exist: name an .npz file, as numpy.savez writes it")
     try:
         if not zipfile.is_zipfile(file):
-            raise InputError(f"{file} is no .npz file, as numpy.savez writes it")
+            raise InputError(f"{file} is not an .npz file, as numpy.savez writes it")
         with np.load(file, allow_pickle=False) as found:
             names = list(found.files)
             missing = [name for name in REQUIRED if name not in names]
             if missing:
                 raise InputError(
-                    f"{file} lacks {' and '.join(missing)}: it must be an .npz file of arrays"
-                    f" {' and '.join(REQUIRED)}, and perhaps {' and '.join(OPTIONAL)};"
+                    f"{file} lacks {' and '.join(missing)}: it must be an .npz file of the arrays"
+                    f" {' and '.join(REQUIRED)}, and optionally {' and '.join(OPTIONAL)};"
                     f" it holds {', '.join(names) or 'no arrays by name'}"
                 )
             known = (*REQUIRED, *OPTIONAL)
@@ -130,15 +131,9 @@ def read_arrays(file: Path) -> dict[str, FloatArray]:
 
 
 def _checked(task: Task, given: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
-    layout = task.layout
-    wanted = {
-        "actions": ("T-1, A", (task.steps, layout.action_dim)),
-        "starts": ("P", (len(task.start_components),)),
-        "states": ("T, D", (task.horizon, layout.state_dim)),
-    }
     arrays = {name: real(f"{name} of {task.name}", values) for name, values in given.items()}
     for name, array in arrays.items():
-        axes, shape = wanted[name]
+        axes, shape = _AXES[name], task.demo_shapes[name]
         if array.ndim and not len(array):
             raise InputError(f"{name} of {task.name} holds no episodes: give one at least")
         if array.shape[1:] != shape or not array.ndim:
@@ -150,10 +145,10 @@ def _checked(task: Task, given: Mapping[str, ArrayLike]) -> dict[str, FloatArray
         bad = np.flatnonzero(~np.isfinite(array).all(axis=tuple(range(1, array.ndim))))
         if bad.size:
             raise InputError(
-                f"{name} of {task.name} must be finite; those of episode {bad[0]} are not"
+                f"{name} of {task.name} must be finite, but those of episode {bad[0]} are not"
             )
     lengths = {name: len(array) for name, array in arrays.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{count} of {name}" for name, count in lengths.items())
-        raise InputError(f"there must be as many episodes in each array, got {shown}")
+        raise InputError(f"all arrays must have the same number of episodes, got {shown}")
     return arrays

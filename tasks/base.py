@@ -1,7 +1,7 @@
-"""Task: the model, the starts, the state, success and the observation of one task.
+"""Task: the model, starts, state, success, failure and observation of one task.
 
-A task file fills in these five sections, in this order. What it reads comes from a
-``mujoco.batch.Batch`` through named views, so every array has the episodes B as first axis.
+A task's file fills in these six sections, in this order. It reads a ``mujoco.batch.Batch`` through
+named views, so the first axis of every array is the episodes, B.
 """
 
 import hashlib
@@ -30,14 +30,14 @@ from tasks.data import (
 from tasks.errors import InputError, unknown_name
 
 IN_DISTRIBUTION = ("train", "demo", "probe", "test")
-"""Splits drawn from the same ranges: to train experts, demonstrate, choose experts, test."""
+"""Splits of the same ranges: to train experts, to demonstrate, to choose experts, to test."""
 SPLITS = (*IN_DISTRIBUTION, "ood")
 
 DIVERGED = "diverged"
-"""The failure mode of an episode whose simulation broke down, in every task."""
+"""Failure mode of an episode whose simulation became unstable, in every task."""
 
 OBJECT_JOINTS = 6
-"""Free objects hang on three slides and three hinges, which are the last joints of the model."""
+"""Joints of a free object: three slides and three hinges, the last joints of the model."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class Component:
     name: str
     unit: str
     source: str
-    """Where it is read from in the model."""
+    """Where in the model it is read."""
 
 
 def xyz(name: str, unit: str, source: str) -> tuple[Component, ...]:
-    """Returns the three components of a vector; ``{axis}`` in the source stands for x, y or z."""
+    """Returns the three components of a vector. ``{axis}`` in the source becomes x, y and z."""
     return tuple(Component(f"{name}_{axis}", unit, source.format(axis=axis)) for axis in "xyz")
 
 
@@ -63,40 +63,40 @@ class Range:
     high: tuple[float, ...]
 
     def contains(self, values: FloatArray) -> BoolArray:
-        """Returns for each row of values (B, P) whether it lies in the box, (B,)."""
+        """Returns whether each row of values (B, P) lies in the box, (B,)."""
         return np.all((values >= self.low) & (values <= self.high), axis=1)
 
 
 class Task(ABC):
-    """One task of the benchmark. Subclasses hold what differs; arrays hold what varies."""
+    """One task of the benchmark. A subclass defines it; arrays hold the values of its episodes."""
 
     # Model
     name: ClassVar[str]
     summary: ClassVar[str]
     version: ClassVar[int] = 1
-    """Raise it when an episode of the same actions, or its success, comes out differently."""
+    """Raise it when the same actions lead to other states or another success."""
     model_file: ClassVar[str]
-    """In the Adroit folder of gymnasium-robotics."""
+    """Name of the XML file in the Adroit folder of gymnasium-robotics."""
     horizon: ClassVar[int]
-    """T, states in an episode (appendix B)."""
+    """T, number of states in an episode (appendix B)."""
     robot_dim: ClassVar[int]
     """H: x_r is the first H joint positions."""
     derived_fields: ClassVar[tuple[str, ...]] = ("xpos", "site_xpos")
-    """The MjData fields beyond qpos and qvel that may be read of this task."""
+    """The MjData fields, besides qpos and qvel, that the task may read."""
     sensors: ClassVar[tuple[str, ...]] = ()
-    """The sensors that the observation reads; the model's others are left out."""
+    """The sensors that the observation reads. The model's other sensors are removed."""
 
     @property
     def steps(self) -> int:
-        """Control steps after which an episode is judged, T - 1."""
+        """Number of control steps in an episode, T - 1. Success is judged after the last."""
         return self.horizon - 1
 
     @cached_property
     def model_path(self) -> Path:
-        """Where gymnasium-robotics keeps the model, found without importing that package.
+        """Path of the model in gymnasium-robotics, found without importing that package.
 
         Raises:
-            InputError: the installed gymnasium-robotics has no such file.
+            InputError: gymnasium-robotics is not installed, or lacks the file.
         """
         package = importlib.util.find_spec("gymnasium_robotics")
         if package is None or package.origin is None:
@@ -107,11 +107,11 @@ class Task(ABC):
         return path
 
     def specification(self) -> mujoco.MjSpec:
-        """Returns a fresh, editable description of the nominal model.
+        """Returns a new, editable description of the nominal model.
 
-        The wrist and the fingers get the gains that the Adroit environments set in their
-        constructors: the XML alone has others. Sensors do not act on the physics, and most of
-        them are read by nobody.
+        The wrist and the fingers get the servo gains that the constructors of the Adroit
+        environments set; the XML has others. Unused sensors are removed, which does not change the
+        physics.
         """
         spec = mujoco.MjSpec.from_file(str(self.model_path))
         for actuator in spec.actuators:
@@ -126,12 +126,12 @@ class Task(ABC):
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The nominal model. Nobody writes to it: changes are made per simulation."""
+        """The nominal model. It is read only: variations are written to single simulations."""
         return self.specification().compile()
 
     @cached_property
     def model_hash(self) -> str:
-        """SHA-256 over the names and bytes of the model's XML, mesh and texture files."""
+        """SHA-256 of the names and contents of the model's XML, mesh and texture files."""
         digest = hashlib.sha256()
         folder = self.model_path.parent
         files = mujoco.mju_getXMLDependencies(str(self.model_path))
@@ -144,10 +144,10 @@ class Task(ABC):
     start_components: ClassVar[tuple[Component, ...]]
     in_distribution: ClassVar[Range]
     out_of_distribution: ClassVar[tuple[Range, ...]]
-    """Boxes of equal volume, each drawn with equal probability (appendix D)."""
+    """Boxes of equal volume. A start comes from each with equal probability (appendix D)."""
 
     def ranges(self, split: str) -> tuple[Range, ...]:
-        """Returns the boxes of a split.
+        """Returns the boxes from which a split's starts are drawn.
 
         Raises:
             InputError: there is no such split.
@@ -157,7 +157,7 @@ class Task(ABC):
         return (self.in_distribution,) if split in IN_DISTRIBUTION else self.out_of_distribution
 
     def sample(self, split: str, n: int) -> Starts:
-        """Returns the first n starts of a split; start i is the same for every n > i.
+        """Returns the first n starts of a split. Start i is the same for every n > i.
 
         Raises:
             InputError: there is no such split, or n is negative.
@@ -173,7 +173,7 @@ class Task(ABC):
         return Starts(self.name, split, np.arange(n), values)
 
     def check_starts(self, starts: Starts) -> None:
-        """Raises InputError unless the starts are this task's and lie in their split's ranges."""
+        """Raises InputError unless the starts are of this task and in the range of their split."""
         names = [component.name for component in self.start_components]
         if starts.task != self.name:
             raise InputError(f"these starts are for task {starts.task!r}, not {self.name!r}")
@@ -205,9 +205,19 @@ class Task(ABC):
         """The dimensions H, O and A."""
         return Layout(self.robot_dim, len(self.object_components), self.model.nu)
 
+    @property
+    def demo_shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of each array of one demonstration, by the array's name."""
+        return {
+            "states": (self.horizon, self.layout.state_dim),
+            "velocities": (self.horizon, self.layout.robot_dim),
+            "actions": (self.steps, self.layout.action_dim),
+            "starts": (len(self.start_components),),
+        }
+
     @cached_property
     def components(self) -> tuple[Component, ...]:
-        """The D numbers of the state x = [x_r, x_o], in order."""
+        """The D components of the state x = [x_r, x_o], in order."""
         joints = [self.model.joint(i) for i in range(self.robot_dim)]
         slide = mujoco.mjtJoint.mjJNT_SLIDE
         robot = tuple(
@@ -230,34 +240,34 @@ class Task(ABC):
 
     @abstractmethod
     def read(self, batch: Batch) -> FloatArray:
-        """Returns what the success rule reads at this moment, (B,)."""
+        """Returns the current reading of the success rule, (B,)."""
 
     @abstractmethod
     def success(self, readings: FloatArray) -> BoolArray:
-        """Returns whether the readings (B, T-1) after each control step meet the rule, (B,)."""
+        """Returns whether the readings (B, T-1) after the control steps meet the rule, (B,)."""
 
     @property
     def ends_early(self) -> bool:
-        """Whether success can be decided, for good, before the last step."""
+        """Whether success can be final before the last step, see `decided`."""
         return type(self).decided is not Task.decided
 
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
-        """Returns whether success no longer depends on the readings still to come, (B,).
+        """Returns whether success is final, whatever the remaining readings are, (B,).
 
         Args:
-            readings: (B, t) so far.
-            left: how many are still to come.
+            readings: (B, t) readings so far.
+            left: number of remaining readings.
         """
         return np.full(len(readings), left == 0)
 
     # Failure
     watched: ClassVar[tuple[Component, ...]] = ()
-    """What tells how an episode failed, beside the readings."""
+    """Quantities that tell how an episode failed, in addition to the readings."""
     failure_modes: ClassVar[tuple[str, ...]] = ("rule not met",)
-    """How an episode can fail: the first that applies counts, and the last where no other does."""
+    """Failure modes in the order of precedence; the last applies if no other does."""
 
     def watch(self, batch: Batch) -> FloatArray:
-        """Returns the watched quantities of this moment, (B, W)."""
+        """Returns the current watched quantities, (B, W)."""
         return np.empty((batch.nsim, 0))
 
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
@@ -265,15 +275,15 @@ class Task(ABC):
 
         Args:
             readings: (B, T-1) after each control step; NaN after the end of an episode.
-            watched: (B, T-1, W) at the same moments, likewise.
+            watched: (B, T-1, W) at the same times, NaN likewise.
         """
         return []
 
     def modes(self, episodes: Episodes, watched: FloatArray) -> NDArray[np.str_]:
-        """Returns how each episode failed, (B,): `DIVERGED`, a failure mode, or "" for a success.
+        """Returns the failure mode of each episode, (B,): may be `DIVERGED`; "" for a success.
 
         Args:
-            episodes: with their readings.
+            episodes: the episodes.
             watched: (B, T-1, W), see `failed_by`.
         """
         names = [DIVERGED, *self.failure_modes[:-1]]
@@ -284,25 +294,25 @@ class Task(ABC):
     # Observation
     @abstractmethod
     def observe(self, batch: Batch) -> FloatArray:
-        """Returns the observation of the task's gymnasium-robotics environment, one row each.
+        """Returns the observation of the task's gymnasium-robotics environment, a row per episode.
 
-        Unlike there, kinematics are those of the present: the environment's own lag by a substep.
+        Its kinematics are current; the environment's own lag by one substep.
         """
 
 
 def dropped(height: FloatArray, lifted: float, down: float) -> BoolArray:
-    """Returns whether a height (B, T-1) [m] was over ``lifted`` and later below ``down``, (B,)."""
+    """Returns whether a height (B, T-1) [m] exceeded ``lifted``, then fell below ``down``, (B,)."""
     was_lifted = np.maximum.accumulate(height > lifted, axis=1)
     return np.any(was_lifted & (height < down), axis=1)
 
 
 def count_decided(count: IntArray, left: int, exceeded: int) -> BoolArray:
-    """Returns whether a count (B,) exceeds a number, or cannot with as many more as are left."""
+    """Returns whether a count (B,) exceeds a number, or cannot reach it in the steps left, (B,)."""
     return (count > exceeded) | (count + left <= exceeded)
 
 
 def _servo_gain(actuator: str) -> float | None:
-    """Gain of a wrist or finger servo as the Adroit environments set it; None for the arm."""
+    """Servo gain that the Adroit environments set for wrist and fingers; None for the arm."""
     if actuator.startswith("A_AR"):
         return None
     return 10.0 if actuator.startswith("A_WR") else 1.0

@@ -1,4 +1,4 @@
-"""Plain arrays that every folder shares, and the letters of their axes.
+"""Arrays that all packages share, and the letters of their axes.
 
 ===  ==========================================================
 B    episodes (or starts, or demonstrations)
@@ -10,8 +10,8 @@ A    actuators
 P    numbers that vary from one start to the next
 ===  ==========================================================
 
-All arrays hold float64 unless their description says otherwise. An array that a caller gives is
-converted by `real` or `whole` where it comes in.
+Arrays are float64 unless their description says otherwise. `real` and `whole` convert the arrays
+that callers pass in.
 """
 
 import hashlib
@@ -34,18 +34,18 @@ CONTROL_STEP = 0.01
 
 
 def key(*parts: object) -> str:
-    """Returns the SHA-256, in hexadecimal digits, of what the parts say.
+    """Returns the SHA-256 of the parts, as hexadecimal digits.
 
-    Parts are whatever JSON can hold; the order of a dictionary's entries does not matter.
+    Parts are anything that JSON can hold. The order of a dictionary's entries does not matter.
     """
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def generator(*parts: str | int) -> np.random.Generator:
-    """Returns the random stream that belongs to what the parts name.
+    """Returns a random generator seeded by the parts.
 
-    The stream depends on the parts alone: never on a global stream, the order of calls or the
-    process. Every random number of the suite comes from here.
+    It depends on the parts alone, not on a global stream, the order of calls or the process. Every
+    random number of the suite comes from such a generator.
     """
     return np.random.Generator(np.random.PCG64(int(key(*parts), 16)))
 
@@ -54,11 +54,11 @@ def real(name: str, values: ArrayLike) -> FloatArray:
     """Returns an array as C-contiguous float64.
 
     Args:
-        name: what the array is, for the message.
+        name: names the array in the error message.
         values: booleans, integers or floats, of any width and byte order.
 
     Raises:
-        InputError: the array holds anything else, is masked, or is not a rectangle.
+        InputError: the array holds other values, is masked, or is ragged.
     """
     if isinstance(values, np.ma.MaskedArray):
         raise InputError(f"{name}: a masked array of {values.dtype} is not accepted, fill it first")
@@ -76,12 +76,12 @@ def whole(name: str, values: ArrayLike) -> IntArray:
     """Returns an array of whole numbers from 0 as int64.
 
     Args:
-        name: what the array is, for the message.
+        name: names the array in the error message.
         values: integers, or floats without a fraction.
 
     Raises:
-        InputError: see `real`; or a number is negative, has a fraction or is 2^53 or more, where
-            float64 no longer holds every integer.
+        InputError: see `real`; or a number is negative, has a fraction, or is at least 2^53, above
+            which float64 does not hold every integer.
     """
     numbers = real(name, values)
     bad = ~((numbers >= 0) & (numbers < 2**53) & (numbers == np.floor(numbers)))
@@ -92,14 +92,14 @@ def whole(name: str, values: ArrayLike) -> IntArray:
 
 @dataclass(frozen=True)
 class Layout:
-    """The dimensions of a task, all that a method needs to know of it (appendix B)."""
+    """The dimensions of a task (appendix B). A method needs no other facts about the task."""
 
     robot_dim: int
-    """H, hand joints."""
+    """H, number of hand joints."""
     object_dim: int
-    """O, numbers of the object state."""
+    """O, length of the object state."""
     action_dim: int
-    """A, actuators."""
+    """A, number of actuators."""
 
     @property
     def state_dim(self) -> int:
@@ -109,19 +109,19 @@ class Layout:
 
 @dataclass(frozen=True)
 class Starts:
-    """Where episodes begin: what varies from one to the next (appendix D).
+    """Start values of episodes: the numbers that vary between episodes (appendix D).
 
     Raises:
-        InputError: the arrays disagree in length or have a wrong number of axes; an index is not a
+        InputError: the arrays differ in length or have a wrong number of axes; an index is not a
             whole number from 0; or the values are not real and finite.
     """
 
     task: str
     split: str
     index: IntArray
-    """(B,) the position of each start in its split."""
+    """(B,) position of each start in its split."""
     values: FloatArray
-    """(B, P) the numbers themselves, in the task's units."""
+    """(B, P) start values, in the units of the task's ``start_components``."""
 
     def __post_init__(self) -> None:
         place = f"of starts of {self.task}/{self.split}"
@@ -151,19 +151,19 @@ class Starts:
 
 @dataclass(frozen=True)
 class Demos:
-    """Recorded motions, one row per start.
+    """Demonstrations: recorded motions, one row per start.
 
     Raises:
-        InputError: the arrays disagree in their axes, hold a number that is not real and finite, or
-            an action exceeds `limit`.
+        InputError: the shapes do not match, a number is not real and finite, or an action exceeds
+            `limit`.
     """
 
     limit: ClassVar[float] = 1.0
-    """Largest absolute value of an action."""
+    """Largest allowed absolute value of an action."""
 
     starts: Starts
     states: FloatArray
-    """(B, T, D) x = [x_r, x_o] before each action, and at the end."""
+    """(B, T, D) x = [x_r, x_o] before each action and after the last one."""
     velocities: FloatArray
     """(B, T, H) of the hand's joints [rad/s, m/s]."""
     actions: FloatArray
@@ -201,13 +201,13 @@ class Demos:
 
 
 class UnclippedDemos(Demos):
-    """Demonstrations whose actions are as a policy gave them, before they are clipped to act."""
+    """Demonstrations with the actions as a policy returned them, before clipping."""
 
     limit = np.inf
 
 
 def _require(holds: BoolArray, name: str, array: FloatArray, must: str) -> None:
-    """Raises InputError with the first demonstration where something does not hold."""
+    """Raises InputError with the first demonstration for which a condition does not hold."""
     if not holds.all():
         row, *place = np.argwhere(~holds)[0]
         value = array[(row, *place)]
@@ -216,45 +216,58 @@ def _require(holds: BoolArray, name: str, array: FloatArray, must: str) -> None:
 
 @dataclass(frozen=True)
 class NonFinite:
-    """Answers of a method to a chunk of episodes that were not finite numbers."""
+    """Answers of a method that were not finite, in one chunk of episodes."""
 
     row: int
-    """Where the chunk begins among the episodes of its evaluation."""
+    """Index of the chunk's first episode in its evaluation."""
     call: str
-    """What the method was asked for: rollout or act."""
+    """The function that gave the answers: rollout or act."""
     starts: int
-    """How many episodes they were for."""
+    """Number of episodes with such an answer."""
     first: int
-    """The earliest t of them."""
+    """The earliest t of such an answer."""
 
 
 @dataclass(frozen=True)
 class Episodes:
-    """What came of a rollout, one row per start."""
+    """The outcome of a rollout, one row per start."""
 
     starts: Starts
     success: BoolArray
-    """(B,) whether the task's rule (appendix C) was met; never where the episode diverged."""
+    """(B,) whether the episode met the task's success rule (appendix C) and did not diverge."""
     diverged: BoolArray
-    """(B,) whether the simulation broke down."""
+    """(B,) whether the simulation became unstable."""
     steps: IntArray
-    """(B,) control steps taken before the end or the divergence."""
+    """(B,) control steps until the end or the divergence."""
     readings: FloatArray
-    """(B, T-1) what the rule reads after each control step; NaN from the divergence on."""
+    """(B, T-1) reading of the success rule after each control step; NaN from the divergence on."""
     non_finite: tuple[NonFinite, ...] = ()
-    """What the method answered with NaN or infinite numbers: such an episode diverges."""
+    """The method's answers that were NaN or infinite; their episodes diverge."""
+
+
+def join_demos(parts: Sequence[Demos]) -> Demos:
+    """Concatenates demonstrations of one split."""
+    return type(parts[0])(
+        _join_starts([part.starts for part in parts]),
+        np.concatenate([part.states for part in parts]),
+        np.concatenate([part.velocities for part in parts]),
+        np.concatenate([part.actions for part in parts]),
+    )
 
 
 def join_episodes(parts: Sequence[Episodes]) -> Episodes:
-    """Returns episodes of one split, one part after the other."""
-    first = parts[0].starts
-    index = np.concatenate([part.starts.index for part in parts])
-    values = np.concatenate([part.starts.values for part in parts])
+    """Concatenates episodes of one split."""
     return Episodes(
-        Starts(first.task, first.split, index, values),
+        _join_starts([part.starts for part in parts]),
         np.concatenate([part.success for part in parts]),
         np.concatenate([part.diverged for part in parts]),
         np.concatenate([part.steps for part in parts]),
         np.concatenate([part.readings for part in parts]),
         tuple(one for part in parts for one in part.non_finite),
     )
+
+
+def _join_starts(parts: Sequence[Starts]) -> Starts:
+    index = np.concatenate([part.index for part in parts])
+    values = np.concatenate([part.values for part in parts])
+    return Starts(parts[0].task, parts[0].split, index, values)

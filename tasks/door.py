@@ -7,15 +7,15 @@ from tasks.base import Component, Range, Task, xyz
 from tasks.data import BoolArray, FloatArray
 
 OPEN_ANGLE = 1.35
-"""Hinge angle beyond which the door counts as open [rad] (appendix C)."""
+"""Hinge angle above which the door counts as open [rad] (appendix C)."""
 AJAR_ANGLE = 1.0
-"""Hinge angle beyond which the observation's flag says that the door is open [rad]."""
+"""Hinge angle above which the observation's flag says that the door is open [rad]."""
 RELEASE_ANGLE = 1.2
-"""Latch angle from which the bolt clears the frame [rad]: with the latch held below it, the door
-cannot be pulled open."""
+"""Latch angle above which the bolt clears the frame [rad]. Below it, the door cannot be pulled
+open."""
 REACH = 0.1
-"""Distance from palm to handle beyond which the hand does not hold it [m]. The expert's is some
-0.03 m while it pulls."""
+"""Distance from palm to handle above which the hand does not hold it [m]. The expert pulls at about
+0.03 m."""
 
 
 class Door(Task):
@@ -37,7 +37,7 @@ class Door(Task):
     )
 
     def place(self, batch: Batch, values: FloatArray) -> None:
-        """Puts the door frame at values (B, 3) [m]."""
+        """Puts the door frame at ``values`` (B, 3) [m]."""
         batch.body("frame").pos = values
 
     # State
@@ -79,9 +79,10 @@ class Door(Task):
         return np.concatenate([latch, np.linalg.norm(apart, axis=1, keepdims=True)], axis=1)
 
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
-        """Returns whether the latch was never turned far enough; whether the hand let go too soon.
+        """Returns whether the latch was never turned far enough, and whether the hand let go early.
 
-        It did if at the last step it is away from the handle of a door that is not even ajar.
+        The hand let go early if it is away from the handle at the last step and the door is not
+        ajar.
         """
         latch, distance = watched[:, :, 0], watched[:, :, 1]
         turned = np.any(latch > RELEASE_ANGLE, axis=1)

@@ -1,4 +1,4 @@
-"""The one error for bad input, and any error in one line."""
+"""The error for bad input, and descriptions of other errors in one line."""
 
 import difflib
 import importlib
@@ -9,27 +9,27 @@ from pathlib import PurePath
 from types import FrameType
 
 LONGEST = 500
-"""Characters of a described error, at most."""
+"""Largest number of characters in a described error."""
 _LONGEST_PLACE = 200
 _IMPORTLIB = ("<frozen importlib", os.path.join(os.path.dirname(importlib.__file__), ""))
-"""How the names of importlib's own files begin."""
+"""Prefixes of the file names of importlib."""
 _SUITE = ("bench", "methods", "reports", "tasks")
 _LIBRARIES = {"numpy", "scipy", "torch", *sys.stdlib_module_names}
-"""What may raise for the sake of whoever has called it, by package."""
+"""Packages whose errors are usually caused by their caller."""
 _BACKPORT = os.path.join("", "importlib_metadata", "")
-"""Part of the names of files that, where they are installed, load entry points in its place."""
+"""Part of the file names of the backport of importlib's entry points, where it is installed."""
 
 
 class InputError(ValueError):
-    """A value that the caller gave cannot be used; the message says what can."""
+    """The caller gave a value that is not allowed; the message says what is."""
 
 
 def unknown_name(kind: str, name: object, allowed: Iterable[str]) -> InputError:
     """Returns the error for a name that is not among the allowed ones.
 
     Args:
-        kind: what is named, for the message: ``"task"``, ``"split"``.
-        name: the name that was given.
+        kind: the kind of thing that is named, such as ``"task"``.
+        name: the unknown name.
         allowed: the names that exist.
     """
     known = list(allowed)
@@ -42,10 +42,10 @@ def described(error: BaseException) -> str:
     """Returns an error in one line: type, message and place.
 
     For example ``KeyError: 'x' (mine.py:53 in fit)``. The place is the innermost frame of the
-    package that the suite has called, whatever library that has called in turn. It is never in
-    importlib, and of a SyntaxError it is the line that cannot be parsed. Characters that cannot be
-    printed are escaped. The line has at most `LONGEST` characters. Never raises, whatever the
-    error's own methods do.
+    package that the suite called, even if the error was raised in a library below it. It is never
+    in importlib. For a SyntaxError, it is the line that cannot be parsed. Unprintable characters
+    are escaped. The line has at most `LONGEST` characters. Never raises, even if the error's own
+    methods do.
     """
     kind = printable(lambda: type(error).__name__, "error", 100)
     place = printable(lambda: _place(error), "", _LONGEST_PLACE)
@@ -56,19 +56,19 @@ def described(error: BaseException) -> str:
 
 
 def reason_of(error: BaseException) -> str:
-    """Returns the message of an InputError, which says it all, and any other error `described`."""
+    """Returns the message of an InputError, and any other error as `described` returns it."""
     if isinstance(error, InputError):
         return printable(lambda: str(error), "its message cannot be shown", 4 * LONGEST)
     return described(error)
 
 
 def printable(text: Callable[[], str], otherwise: str, longest: int) -> str:
-    """Returns what a function of somebody else's says, in one line that can be printed.
+    """Returns the text of an untrusted function in one printable line.
 
     Args:
-        text: returns it, or raises whatever it likes.
-        otherwise: what is returned if it raises.
-        longest: characters of what is returned, at most; what is cut ends in ``...``.
+        text: returns the text; it may raise anything.
+        otherwise: returned if ``text`` raises.
+        longest: largest number of characters; a longer text is cut and ends in ``...``.
     """
     try:
         start = str.__getitem__(text(), slice(0, longest + 1))
@@ -105,7 +105,10 @@ def _place(error: BaseException) -> str:
 
 
 def _culprit(frames: list[tuple[str, str]]) -> str:
-    """The place of the last frame of what the suite called last; frames are packages and places."""
+    """The place of the innermost frame of the package that the suite called last.
+
+    Frames are pairs of package and place, the outermost first.
+    """
     own = [i for i, (package, _) in enumerate(frames) if package in _SUITE]
     inner = frames[own[-1] + 1 if own else 0 :]
     callers = [package for package, _ in inner if package not in _LIBRARIES]
@@ -119,6 +122,6 @@ def _package(frame: FrameType) -> str:
 
 
 def _file(path: str) -> str:
-    """The name of a file; of a package's ``__init__.py`` with its folder."""
+    """The name of a file, with its folder for an ``__init__.py``."""
     parts = PurePath(path).parts
     return "/".join(parts[-2:] if parts[-1] == "__init__.py" else parts[-1:])

@@ -1,4 +1,4 @@
-"""Run a shipped expert: a network that maps what it sees to an action, step after step."""
+"""Experts: reactive networks that demonstrate the tasks, as shipped in `tasks/experts/`."""
 
 import hashlib
 import json
@@ -17,35 +17,32 @@ from tasks.simulator import Simulator, rollout
 
 SHIPPED = Path(__file__).with_name("experts")
 VELOCITY_SCALE = 0.1
-"""Joint velocities [rad/s] are brought to the size of the other inputs."""
+"""Scales joint velocities [rad/s] to the size of the other inputs."""
 CLIP = 10.0
-"""Bound of a normalised input, as in training."""
+"""Largest absolute value of a normalised input, as in training."""
 
 
 def expert_input(simulator: Simulator) -> FloatArray:
-    """Returns what an expert sees, (B, I): the observation and the velocities of the hand."""
+    """Returns the input of an expert, (B, I): the observation and the hand's joint velocities."""
     velocities = simulator.batch.qvel[:, : simulator.task.robot_dim]
     return np.concatenate([simulator.observe(), VELOCITY_SCALE * velocities], axis=1)
 
 
 class Expert:
-    """A policy without memory: normalised inputs, tanh layers, linear output.
-
-    It computes in float64.
-    """
+    """A policy without memory: normalised inputs, tanh layers, linear output; in float64."""
 
     def __init__(self, weights: dict[str, FloatArray]) -> None:
-        """Takes ``mean`` and ``std`` (I,), and ``weight0`` (K, I), ``bias0`` (K,) and so on."""
+        """Takes ``mean`` and ``std`` (I,), then ``weight0`` (K, I), ``bias0`` (K,) and so on."""
         wide = {name: values.astype(np.float64) for name, values in weights.items()}
         self._mean, self._std = wide["mean"], wide["std"]
         depth = sum(name.startswith("weight") for name in wide)
         self._layers = [(wide[f"weight{i}"].T, wide[f"bias{i}"]) for i in range(depth)]
 
     def reset(self, simulator: Simulator) -> None:
-        """Needs nothing: the expert has no memory."""
+        """Does nothing: the expert has no memory."""
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
-        """Returns the actions (B, A), not clipped."""
+        """Returns the actions (B, A), unclipped."""
         x = np.clip((expert_input(simulator) - self._mean) / self._std, -CLIP, CLIP)
         *hidden, (weight, bias) = self._layers
         for inner_weight, inner_bias in hidden:
@@ -56,14 +53,14 @@ class Expert:
 def evaluate(
     task: Task, expert: Expert, split: str, episodes: int, physics: str = NOMINAL
 ) -> dict[str, int]:
-    """Returns how many of the first episodes of a split succeeded, and how many diverged."""
+    """Returns how many episodes from the first starts of a split succeed, and how many diverge."""
     outcome = rollout(task, task.sample(split, episodes), expert, physics)
     return {"successes": int(outcome.success.sum()), "diverged": int(outcome.diverged.sum())}
 
 
 @dataclass(frozen=True)
 class ShippedExpert:
-    """An expert with its card, and the SHA-256 by which demonstrations know it."""
+    """An expert and its card, which notes the SHA-256 of its weights."""
 
     policy: Expert
     card: dict[str, Any]
@@ -73,7 +70,7 @@ def load_expert(task: Task) -> ShippedExpert:
     """Returns the expert of a task.
 
     Raises:
-        InputError: none is shipped, or its weights are not those that its card describes.
+        InputError: none is shipped, or its weights do not match the SHA-256 on its card.
     """
     path = SHIPPED / f"{task.name}.json"
     if not path.exists():

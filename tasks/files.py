@@ -1,4 +1,4 @@
-"""Arrays as bytes, and bytes on the disk."""
+"""Arrays as bytes, and files that are written completely or not at all."""
 
 import json
 import os
@@ -17,17 +17,17 @@ from safetensors.numpy import load, save
 from tasks.errors import InputError
 
 _COMPLEX = "complex"
-"""Metadata of a file: the names of complex arrays, stored as pairs of real numbers."""
+"""Label of a file: the names of its complex arrays, which are stored as pairs of real numbers."""
 
 
 def to_bytes(arrays: Mapping[str, NDArray[Any]], **labels: str) -> bytes:
-    """Returns arrays by name as the content of a safetensors file, which `from_bytes` reads.
+    """Returns arrays by name as the content of a safetensors file. `from_bytes` reads it.
 
-    The format has no complex numbers of double precision: they are stored as (..., 2).
+    The format lacks complex numbers of double precision, so they are stored as (..., 2).
 
     Args:
-        arrays: what the file holds.
-        labels: texts by name about the whole, which `labels_of` reads.
+        arrays: the arrays by name.
+        labels: texts by name about the file. `labels_of` reads them.
     """
     plain = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     paired = [name for name, array in plain.items() if array.dtype.kind == "c"]
@@ -39,10 +39,10 @@ def to_bytes(arrays: Mapping[str, NDArray[Any]], **labels: str) -> bytes:
 
 
 def from_bytes(content: bytes) -> dict[str, NDArray[Any]]:
-    """Returns the arrays by name of the content of a safetensors file; they may be written to.
+    """Returns the arrays by name in the content of a safetensors file, as writable copies.
 
     Raises:
-        safetensors.SafetensorError: it is no such content.
+        safetensors.SafetensorError: the content is not in this format.
     """
     arrays = load(content)
     for name in json.loads(labels_of(content).get(_COMPLEX, "[]")):
@@ -51,13 +51,13 @@ def from_bytes(content: bytes) -> dict[str, NDArray[Any]]:
 
 
 def labels_of(content: bytes) -> dict[str, str]:
-    """Returns the texts by name that the content of a sound safetensors file has of the whole."""
+    """Returns the labels in the content of a sound safetensors file, as texts by name."""
     header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
     return dict(header.get("__metadata__", {}))
 
 
 def flush(path: Path, content: bytes) -> None:
-    """Writes a file, and waits until the disk has it."""
+    """Writes a file and waits until it is on the disk."""
     with path.open("wb") as file:
         file.write(content)
         file.flush()
@@ -65,7 +65,7 @@ def flush(path: Path, content: bytes) -> None:
 
 
 def sync(path: Path) -> None:
-    """Waits until the disk has a file, or the list of what is in a folder."""
+    """Waits until a file, or the list of a folder's entries, is on the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -74,30 +74,30 @@ def sync(path: Path) -> None:
 
 
 def path_of(what: str, given: str | os.PathLike[str]) -> Path:
-    """Returns the path that a caller in Python names.
+    """Returns the path that a caller in Python gives.
 
     Args:
-        what: is named, for the message: ``"folder"``.
-        given: the path; an empty text would mean the current folder.
+        what: names the argument in the error message, such as ``"folder"``.
+        given: the path. An empty text, which would mean the current folder, is refused.
 
     Raises:
-        InputError: it is empty, or no path at all.
+        InputError: it is empty or not a path.
     """
     if not (isinstance(given, str | os.PathLike) and os.fspath(given)):
         raise InputError(f"{what} must be a path, such as 'results/mine', got {given!r}")
     return Path(given)
 
 
-# Before the work whose results are to be written
+# Checks before work whose results will be written
 def writable_folder(folder: Path, cure: str = "choose another place") -> Path:
-    """Returns a folder that can be written to, or made. Makes nothing.
+    """Returns a folder after checking that it can be written to or created. Creates nothing.
 
     Args:
-        folder: where something is to be written.
-        cure: what the user can do otherwise, for the message.
+        folder: the folder.
+        cure: what the user can do, for the error message.
 
     Raises:
-        InputError: a file is in the way, or the machine does not let us write there.
+        InputError: a file is in the way, or the system does not let us write there.
     """
     with _refusing(folder, cure):
         there = next(path for path in (folder.absolute(), *folder.absolute().parents) if _is(path))
@@ -108,10 +108,10 @@ def writable_folder(folder: Path, cure: str = "choose another place") -> Path:
 
 
 def writable_file(path: Path) -> Path:
-    """Returns the path of a file that can be written, or replaced. Makes nothing.
+    """Returns a path after checking that a file can be written there. Creates nothing.
 
     Raises:
-        InputError: something else is there, or its folder cannot be written to.
+        InputError: something other than a file is there, or its folder cannot be written to.
     """
     with _refusing(path, "choose another name"):
         place = _behind_links(path)
@@ -123,7 +123,7 @@ def writable_file(path: Path) -> Path:
 
 
 def new_path(path: Path) -> Path:
-    """Returns a path where nothing is, and where something can be written. Makes nothing.
+    """Returns a path after checking that it is free and can be written to. Creates nothing.
 
     Raises:
         InputError: something is there, or its folder cannot be written to.
@@ -136,7 +136,7 @@ def new_path(path: Path) -> Path:
 
 @contextmanager
 def _refusing(path: Path, cure: str) -> Iterator[None]:
-    """Turns what the system says of a path into an InputError."""
+    """Turns errors of the file system into an InputError."""
     try:
         yield
     except InputError:
@@ -147,7 +147,7 @@ def _refusing(path: Path, cure: str) -> Iterator[None]:
 
 
 def _is(path: Path) -> bool:
-    """Whether something is at a path, be it a link to nothing."""
+    """Whether something is at a path, even a broken link."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -159,13 +159,13 @@ def _behind_links(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-# The writing
+# Writing
 @contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
-    """Yields a path to write to, which replaces the target once all of it is on the disk.
+    """Yields a path to write to. It replaces the target once it is completely on the disk.
 
-    The path is beside the target and has its ending. If writing fails, it is removed, with the
-    folders that were made for it.
+    The path has the folder and the suffix of the target. If the block raises, the path and the
+    folders that were created for it are removed.
     """
     target = _behind_links(target)
     with _beside(target) as temporary:
@@ -176,9 +176,9 @@ def whole_file(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(target: Path) -> Iterator[Path]:
-    """Yields a new folder to write to, which becomes the target once all of it is on the disk.
+    """Yields a new folder to write to. It becomes the target once it is completely on the disk.
 
-    If writing fails, it is removed, with the folders that were made for it.
+    If the block raises, the folder and the folders that were created for it are removed.
 
     Raises:
         InputError: something is at the target, or its folder cannot be written to.
@@ -194,7 +194,7 @@ def whole_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def _beside(target: Path) -> Iterator[Path]:
-    """Yields a path beside a target; what is there is removed if anything is raised."""
+    """Yields a path in the target's folder. If the block raises, what is there is removed."""
     made = [folder for folder in target.parents if not folder.exists()]
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{uuid4().hex[:8]}-{target.name}")

@@ -1,4 +1,4 @@
-"""Which masses each variation of appendix I changes, and to what; no simulator is needed to ask."""
+"""The variations of appendix I: which masses they change, and to what. Needs no simulator."""
 
 from dataclasses import dataclass, replace
 
@@ -9,17 +9,17 @@ PHYSICS = (NOMINAL, *VARIATIONS)
 
 @dataclass(frozen=True)
 class Change:
-    """One attribute of some elements of the model, set to a new value."""
+    """A new value of one attribute of some elements of the model."""
 
     element: str
     """``body`` or ``geom``."""
     names: tuple[str, ...]
     attribute: str
-    """``mass`` of a body, whose explicit inertia stays as it is, or ``density`` of a geom."""
+    """``mass`` of a body, which does not change its explicit inertia; or ``density`` of a geom."""
     value: float
     unit: str
     scale_inertia: bool = False
-    """Whether the inertia of a body grows with its mass, as that of more of the same stuff."""
+    """Whether the inertia of a body scales with its mass."""
 
 
 def _mass(value: float, *bodies: str) -> Change:
@@ -30,8 +30,8 @@ def _pen_density(value: float) -> Change:
     return Change("geom", ("pen",), "density", value, "kg/m^3")
 
 
-# The appendix's "palm" has mass 4.0, as the models' forearm does (their palm weighs 0.3 kg), and
-# its pen has "1.5", as the pen's density in g/cm^3 does (the pen weighs 0.18 kg).
+# The appendix's "palm" has mass 4.0, like the models' forearm (their palm weighs 0.3 kg). Its pen
+# has "1.5", like the pen's density in g/cm^3 (the pen weighs 0.18 kg).
 _KNUCKLES = ("ffknuckle", "mfknuckle", "rfknuckle", "lfknuckle")
 CHANGES = {
     "tool": {
@@ -62,10 +62,10 @@ CHANGES = {
 
 
 def _readings(changes: dict[str, Change]) -> dict[str, Change]:
-    """Other readings of the same words.
+    """Other interpretations of the appendix's words.
 
-    The body that is named palm, by the same factor, in place of the one that weighs 4.0 kg; and
-    each body's inertia grown with its mass.
+    One changes the body named palm, by the same factor, instead of the forearm. The other also
+    scales each body's inertia with its mass.
     """
     found = {}
     for name, change in changes.items():
@@ -78,14 +78,14 @@ def _readings(changes: dict[str, Change]) -> dict[str, Change]:
 
 
 READINGS = {task: _readings(changes) for task, changes in CHANGES.items()}
-"""By task; the experiment `audit` shows what hangs on the reading."""
+"""By task. The experiment `audit` measures how much the interpretation matters."""
 
 
 def all_changes(task: str) -> dict[str, Change]:
-    """Returns every change that there is of a task, those of the appendix first."""
+    """Returns every change of a task's model by name, those of the appendix first."""
     return CHANGES[task] | READINGS[task]
 
 
 def physics_names(task: str) -> tuple[str, ...]:
-    """Returns the names of all physics that there are of a task."""
+    """Returns the names of a task's physics: nominal and all variations."""
     return (NOMINAL, *all_changes(task))

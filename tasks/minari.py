@@ -1,11 +1,11 @@
-"""Demonstrations into Minari's format and out of it (extra ``data``).
+"""Exports demonstrations to Minari's format and imports them from it (extra ``data``).
 
-Reads what `export_demos` writes, and the public Adroit sets that Minari converted from D4RL. Both
-keep the initial state of an episode as attributes ``options/initial_state_dict/...``; states are
-those of a replay here, whatever the file says of them.
+The import reads what `export_demos` writes, and the public Adroit data sets that Minari converted
+from D4RL. Both store an episode's initial state as attributes ``options/initial_state_dict/...``.
+The states of imported demonstrations come from a replay, not from the file.
 
-Files come from others, so nothing in them is executed or followed: no pickle, no environment built
-from metadata, no links, no foreign filters, and sizes are checked before anything is read.
+Files are untrusted: nothing is unpickled or executed, no environment is built from metadata, links
+and foreign filters are refused, and sizes are checked before anything is read.
 """
 
 import json
@@ -23,21 +23,21 @@ from minari.dataset.minari_storage import MinariStorage
 from tasks.arrays import Replay, Replayed
 from tasks.base import Task
 from tasks.data import Demos, FloatArray, IntArray, Starts, real
-from tasks.demos import record
 from tasks.errors import InputError
 from tasks.files import new_path, whole_folder
+from tasks.recorder import record
 from tasks.simulator import Simulator
 
 MAX_EPISODES = 20_000
 MAX_BYTES = 2**31
-"""Of all arrays of a file together, unpacked."""
+"""Largest total size of the arrays in a file, uncompressed."""
 _INITIAL = "options/initial_state_dict/"
 _FILTERS = (None, "gzip", "lzf")
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Part of an initial state: where the model has it, under the name that Minari's sets use."""
+    """One part of an initial state: its name in Minari's data sets, and its place in the model."""
 
     name: str
     element: str
@@ -67,7 +67,7 @@ START_VALUES: dict[str, Callable[[dict[str, FloatArray]], FloatArray]] = {
 @dataclass(frozen=True)
 class _Episode:
     initial: dict[str, FloatArray]
-    """qpos, qvel, and what PLACED names."""
+    """qpos, qvel, and the parts in PLACED."""
     actions: FloatArray
     """(T-1, A)"""
 
@@ -76,12 +76,12 @@ def export_demos(task: Task, demos: Demos, folder: Path) -> None:
     """Writes demonstrations as a Minari data set.
 
     Args:
-        task: the task that they show.
-        demos: what to write.
-        folder: becomes the data set, and must not exist.
+        task: the task.
+        demos: the demonstrations.
+        folder: the new folder of the data set.
 
     Raises:
-        InputError: the folder exists or cannot be made, or the task has no entry in PLACED.
+        InputError: the folder exists or cannot be created, or the task has no entry in PLACED.
     """
     new_path(folder)
     initial = _initial_states(task, demos.starts)
@@ -104,11 +104,11 @@ def export_demos(task: Task, demos: Demos, folder: Path) -> None:
 
 
 def import_demos(task: Task, folder: Path) -> Replayed:
-    """Returns the episodes of a Minari data set of the task's Adroit environment, replayed.
+    """Replays the episodes of a Minari data set of the task's Adroit environment.
 
     Raises:
-        InputError: the folder holds no such data set, or something that cannot be replayed; or the
-            task has no entry in PLACED.
+        InputError: the folder is not such a data set, an episode cannot be replayed, or the task
+            has no entry in PLACED.
     """
     episodes = _read_episodes(task, folder)
     values = np.stack([START_VALUES[task.name](episode.initial) for episode in episodes])
@@ -125,7 +125,7 @@ class _Replay(Replay):
         self.task, self.episodes = task, episodes
 
     def reset(self, simulator: Simulator) -> None:
-        """Puts the simulations at the initial states of their episodes."""
+        """Sets the simulations to the initial states of their episodes."""
         super().reset(simulator)
         chosen = [self.episodes[i] for i in simulator.starts.index]
         batch = simulator.batch
@@ -140,8 +140,8 @@ class _Replay(Replay):
 def _placed(task: Task) -> tuple[Placed, ...]:
     if task.name not in PLACED:
         raise InputError(
-            f"no Minari format is known for {task.name!r}, but for {', '.join(PLACED)}: see PLACED"
-            " and START_VALUES of tasks/minari.py"
+            f"no Minari format is known for {task.name!r}: choose from {', '.join(PLACED)}, or add"
+            " the task to PLACED and START_VALUES in tasks/minari.py"
         )
     return PLACED[task.name]
 
@@ -170,7 +170,7 @@ def _buffer(demos: Demos, row: int, initial: dict[str, FloatArray]) -> EpisodeBu
 
 
 def _pitch_and_yaw(quaternion: FloatArray) -> FloatArray:
-    """The two angles [rad] of a goal that was turned about x and then about its own y."""
+    """The angles [rad] of a goal that was turned about x, then about the rotated y."""
     w, x, y, _ = quaternion
     return np.array([2 * np.arctan2(x, w), 2 * np.arctan2(y, w)])
 
@@ -181,11 +181,15 @@ def _read_episodes(task: Task, folder: Path) -> list[_Episode]:
     if not folder.exists():
         raise InputError(f"{folder} does not exist: name the folder of a Minari data set")
     if not file.is_file() or not metadata.is_file():
-        raise InputError(f"{folder} is no Minari data set in HDF5: it lacks {file} or {metadata}")
+        raise InputError(
+            f"{folder} is not a Minari data set in HDF5: it lacks {file} or {metadata}"
+        )
     try:
         total = json.loads(metadata.read_text())["total_episodes"]
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{metadata} does not say how many episodes there are") from error
+        raise InputError(
+            f"{metadata} does not give the number of episodes, total_episodes"
+        ) from error
     if type(total) is not int or not 0 < total <= MAX_EPISODES:
         raise InputError(f"{metadata}: total_episodes is {total!r}, allowed is 1 to {MAX_EPISODES}")
     try:
@@ -244,7 +248,7 @@ def _finite(name: str, values: FloatArray | IntArray) -> FloatArray:
 
 
 def _hard(group: h5py.Group, name: str, kind: type) -> h5py.Group | h5py.Dataset:
-    """The member of that name and kind, if it lies in this very file."""
+    """The member of a name and kind, if it is stored in this file rather than linked."""
     if not isinstance(group.get(name, getlink=True), h5py.HardLink):
         raise InputError(f"{group.name} has no {name!r} of its own")
     member = group[name]

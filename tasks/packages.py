@@ -1,4 +1,4 @@
-"""What installed packages bring by entry points."""
+"""Entry points of installed packages."""
 
 from collections.abc import Iterable
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
@@ -9,7 +9,7 @@ NAMELESS = "a package without a name"
 
 
 def entry_points_of(group: str) -> list[EntryPoint]:
-    """Returns the entry points of a group, but for those of `unreadable` packages."""
+    """Returns the entry points of a group, except those of `unreadable` packages."""
     try:
         return list(entry_points(group=group))
     except Exception:
@@ -18,13 +18,13 @@ def entry_points_of(group: str) -> list[EntryPoint]:
 
 
 def unreadable() -> dict[str, str]:
-    """Returns by package why its entry points cannot be read, where they cannot."""
+    """Returns the packages whose entry points cannot be read, each with the reason."""
     found = _by_package().items()
     return {name: described(error) for name, error in found if isinstance(error, Exception)}
 
 
 def owners(points: Iterable[EntryPoint]) -> str:
-    """Returns the names of the packages that bring entry points, for a message."""
+    """Returns the names of the packages that define entry points, joined for a message."""
     return " and ".join(sorted({_name(point.dist) for point in points}))
 
 

@@ -1,4 +1,4 @@
-"""Named changes of mass (appendix I), written into single simulations of a batch."""
+"""Writes variations of mass (appendix I) into the simulations of a batch."""
 
 from functools import cache
 
@@ -13,7 +13,7 @@ from tasks.masses import NOMINAL, Change, all_changes, physics_names
 
 
 def apply_physics(task: Task, physics: str, batch: Batch) -> None:
-    """Writes a variation into every simulation of a batch on the task's nominal model.
+    """Writes a variation into every simulation of a batch of the task's nominal model.
 
     Raises:
         InputError: there is no such variation.
@@ -26,8 +26,7 @@ def apply_physics(task: Task, physics: str, batch: Batch) -> None:
 def changed_fields(task: Task, physics: str) -> dict[str, FloatArray]:
     """Returns the MjModel fields that a variation changes, with their new values.
 
-    The changed model is compiled, so constants derived from the masses are those that MuJoCo
-    itself derives.
+    The changed model is compiled, so that MuJoCo derives all constants from the new masses.
 
     Raises:
         InputError: there is no such variation.

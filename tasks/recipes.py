@@ -1,9 +1,9 @@
-"""How each expert is trained: its reward, term by term with the reason, and its settings.
+"""The rewards and PPO settings with which the experts are trained.
 
-A reward reads the present of a simulator. Distances are in metres, angles in radians, and every
-term is per control step. Each recipe also puts a price on jerky actions and on needless speed:
-the methods plan a whole motion from its start, and an expert that they could not follow would
-defeat them whatever their merit.
+A reward reads the current state of the simulations. Distances are in metres, angles in radians, and
+every term is per control step. Each recipe also penalises jerky actions and needless speed: the
+methods plan a whole motion from its start, and no method could imitate an expert that is too fast
+or jerky.
 """
 
 from collections.abc import Callable
@@ -25,50 +25,49 @@ class Recipe:
     """Settings of proximal policy optimisation (PPO) for one expert."""
 
     reward: Reward
-    """What the expert is paid for, (B,) each control step."""
+    """Returns the reward (B,) of each control step."""
     action_rate: float
-    """Price of the mean squared change of the actions from one step to the next."""
+    """Weight of the penalty on the mean squared change of the actions between steps."""
     hand_speed: float
-    """Price of the mean squared velocity of the hand's joints [s^2/rad^2]."""
+    """Weight of the penalty on the mean squared velocity of the hand's joints [s^2/rad^2]."""
     offset: float = 0.0
-    """Standard deviation of an error of the actions that stays the same for an episode, drawn for
-    each actuator: imitations err like that, and a way to succeed that forgives it can be
-    imitated."""
+    """Standard deviation of a constant action error, drawn per episode and actuator. Imitations
+    make such errors, so an expert that succeeds despite them can be imitated."""
     calm: tuple[float, float] = (0.3, 0.6)
-    """Shares of the training between which prices and error rise from zero to what they are:
-    asked for from the beginning, calm would stop the expert from exploring."""
+    """Fractions of the training between which penalties and error rise from zero to their values.
+    From the beginning, they would stop the expert from exploring."""
     steps: int = 5_000_000
     episodes: int = 256
-    """Whole episodes in an iteration: enough starts to average over their range, and of the short
-    tasks enough steps."""
+    """Number of episodes in an iteration: enough starts to cover their range, and enough steps for
+    short tasks."""
     epochs: int = 8
     minibatches: int = 8
     learning_rate: float = 3e-4
-    """At the beginning; falls linearly to a tenth, so that the last policies agree."""
+    """Initial learning rate. It falls linearly to a tenth, so that the last policies agree."""
     initial_std: float = 0.5
     final_std: float = 0.1
-    """Upper bound of the action noise at the end, from half of the training on in equal ratios:
-    the expert will act without any."""
+    """Upper bound of the action noise at the end. The bound falls exponentially over the second
+    half of the training, because the expert acts without noise."""
     discount: float = 0.99
     gae_lambda: float = 0.95
     clip_range: float = 0.2
     hidden: tuple[int, ...] = (128, 128)
 
     def calm_at(self, steps: float) -> float:
-        """Returns the share of the prices that is asked for after steps."""
+        """Returns the weight of penalties and error, 0 to 1, after a number of steps."""
         return float(np.interp(steps / self.steps, self.calm, (0.0, 1.0)))
 
     def offset_at(self, steps: float) -> float:
-        """Returns the standard deviation of the actions' error after steps."""
+        """Returns the standard deviation of the action error after a number of steps."""
         return self.calm_at(steps) * self.offset
 
     def noise_at(self, steps: float) -> float:
-        """Returns the upper bound of the action noise after steps."""
+        """Returns the upper bound of the action noise after a number of steps."""
         ends = np.log([self.initial_std, self.final_std])
         return float(np.exp(np.interp(steps / self.steps, (0.5, 1.0), ends)))
 
     def rate_at(self, steps: float) -> float:
-        """Returns the learning rate after steps."""
+        """Returns the learning rate after a number of steps."""
         return self.learning_rate * max(1 - steps / self.steps, 0.1)
 
 
@@ -77,54 +76,54 @@ def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _near(distance: FloatArray, sharpness: float) -> FloatArray:
-    """1 at no distance, falling to 0 over about 2 / sharpness metres."""
+    """1 at distance zero; falls to 0 within about 2 / sharpness metres."""
     return 1 - np.tanh(sharpness * distance)
 
 
 def _grip(batch: Batch, centre: FloatArray, radius: float) -> FloatArray:
-    """How close each fingertip is to the surface of a ball about the object, (B, 5)."""
+    """Closeness of each fingertip to the surface of a ball around the object, (B, 5)."""
     tips = [_distance(batch.body(tip).xpos, centre) for tip in FINGERTIPS]
     return _near(np.maximum(np.stack(tips, axis=1) - radius, 0), 8)
 
 
 def _elapsed(batch: Batch, horizon: int) -> FloatArray:
-    """The share of the episode that has passed, (B,)."""
+    """The fraction of the episode that has passed, (B,)."""
     return batch.time / (CONTROL_STEP * (horizon - 1))
 
 
 def door_reward(batch: Batch) -> FloatArray:
-    """Hand to the handle, latch down, door open."""
+    """Rewards reaching the handle, turning the latch and opening the door."""
     hinge = batch.joint("door_hinge").qpos[:, 0]
     latch = batch.joint("latch").qpos[:, 0]
     handle = batch.site("S_handle").xpos
     return (
-        # reach for the handle: without it nothing happens
+        # reach for the handle
         -0.5 * _distance(batch.site("S_grasp").xpos, handle)
-        # keep the arm's three turns small: an expert that winds it up to its limits presses
-        # against them all the time, and can be imitated only if every force is met
+        # keep the arm's three rotations small: an expert that turns it to its limits presses
+        # against them all the time, and only an imitation with the same forces succeeds
         - 0.05 * (batch.qpos[:, 1:4] ** 2).sum(axis=1)
-        # the nearer to wide open the better, also between the bonuses
+        # open wide: a gradient between the bonuses below
         - 0.1 * (hinge - 1.57) ** 2
-        # while shut, turning the latch is progress that the hinge does not show
+        # turn the latch while the door is shut, when the hinge shows no progress
         + 0.3 * np.clip(latch, 0, 1.8) * (hinge < 0.2)
-        # steps towards the rule of appendix C, which reads the last step: paid little before, so
-        # that there is no gain in throwing the door open; a door that opens at the last moment
-        # would leave an imitation no time to be late
+        # bonuses towards the rule of appendix C, which reads the last step; small in the beginning,
+        # so that throwing the door open does not pay, but not only at the end, since an imitation
+        # may be late
         + _elapsed(batch, 70) ** 2
         * (
             2.0 * (hinge > 0.2)
             + 8.0 * (hinge > 1.0)
             + 10.0 * (hinge > 1.35)
-            # a margin beyond the rule, so that a motion imitated with an error still opens it
+            # a margin beyond the rule, so that an inexact imitation still opens the door
             + 4.0 * np.clip(hinge - 1.35, 0, 0.1) / 0.1
-            # once it is open, rest: where hands move on, a linear model runs away
+            # rest once it is open: a linear model diverges if the hand keeps moving
             + 5.0 * (hinge > 1.35) * np.exp(-(batch.qvel[:, :-2] ** 2).mean(axis=1))
         )
     )
 
 
 def relocation_reward(batch: Batch) -> FloatArray:
-    """Hand to the ball, grasp, lift, carry."""
+    """Rewards reaching the ball, grasping, lifting and carrying it."""
     ball = batch.body("Object").xpos
     target = batch.site("target").xpos
     to_target = _distance(ball, target)
@@ -132,22 +131,22 @@ def relocation_reward(batch: Batch) -> FloatArray:
     reach = grip.mean(axis=1)
     height = np.clip((ball[:, 2] - 0.035) / 0.1, 0, 1)
     return (
-        # palm over the ball first, then all fingertips on it; opposing the thumb makes a grasp
+        # palm over the ball first, then all fingertips on it; an opposed thumb makes a grasp
         0.5 * _near(_distance(batch.site("S_grasp").xpos, ball), 6)
         + 0.5 * reach
         + 0.5 * grip[:, THUMB] * reach
-        # lift in the grasp, rather than by a kick
+        # lift it in the grasp, not by a kick
         + 2.0 * height * reach
-        # once off the table, carry
+        # carry it once it is off the table
         + (ball[:, 2] > 0.045) * reach * (2.0 + 6.0 * _near(to_target, 4))
-        # the rule of appendix C, and a margin within it
+        # the rule of appendix C, and a margin beyond it
         + 10.0 * (to_target < 0.1)
         + 10.0 * (to_target < 0.05)
     )
 
 
 def tool_reward(batch: Batch) -> FloatArray:
-    """Hand to the hammer, lift it, drive the nail."""
+    """Rewards reaching the hammer, lifting it and driving the nail."""
     body = batch.body("Object").xpos
     head = batch.site("tool").xpos
     nail = batch.site("S_target").xpos
@@ -159,27 +158,27 @@ def tool_reward(batch: Batch) -> FloatArray:
         # palm and fingertips on the handle
         0.5 * _near(_distance(batch.site("S_grasp").xpos, body), 6)
         + 0.5 * reach
-        # fingers around the handle, down to its axis: a hand that rests on it never lifts it
+        # fingers around the handle, down to its axis: a hand that rests on top cannot lift it
         + 1.0 * _near(np.maximum(above, 0), 20).mean(axis=1) * reach
-        # lift the whole hammer, handle and head; the handle rests on the table at 0.025 m
+        # lift handle and head; the handle rests on the table at 0.025 m
         + 3.0 * np.clip((lowest - 0.025) / 0.08, 0, 1) * reach
-        # once lifted, head to the nail
+        # move the head to the nail once the hammer is lifted
         + (lowest > 0.04) * reach * (1.0 + 4.0 * _near(_distance(head, nail), 4))
-        # drive it in, up to the rule of appendix C, which reads the last step: paid little before,
-        # so that there is no gain in hurry
+        # drive it in, up to the rule of appendix C, which reads the last step; small in the
+        # beginning, so that hurry does not pay
         + _elapsed(batch, 100) ** 2
         * (
             10.0 * np.clip(1 - left / 0.1, 0, 1)
             + 10.0 * (left < 0.02)
             + 20.0 * (left < 0.01)
-            # and a margin beyond the rule, as for the door
+            # a margin beyond the rule, as for the door
             + 10.0 * np.clip((0.01 - left) / 0.008, 0, 1)
         )
     )
 
 
 def reorientation_reward(batch: Batch) -> FloatArray:
-    """Turn the pen, and keep it in the hand."""
+    """Rewards turning the pen and keeping it in the hand."""
     pen = batch.site("object_top").xpos - batch.site("object_bottom").xpos
     goal = batch.site("target_top").xpos - batch.site("target_bottom").xpos
     similarity = (pen * goal).sum(axis=1) / 0.13**2
@@ -188,16 +187,16 @@ def reorientation_reward(batch: Batch) -> FloatArray:
     held = away < 0.075
     return (
         2.0 * similarity
-        # keep the pen where it is held; bounded, so that a dropped pen does not drown the rest
+        # keep the pen in its place; bounded, so that a dropped pen does not dominate
         - 3.0 * np.minimum(away, 0.3)
-        # the rule of appendix C, and a margin within it, in the hand; it counts the steps at the
-        # goal, and any ten will do: paid little in the beginning, so that there is no gain in hurry
+        # the rule of appendix C, and a margin beyond it, while the pen is held; the rule counts
+        # steps at the goal at any time; small in the beginning, so that hurry does not pay
         + 3.0
         * _elapsed(batch, 100) ** 2
         * held
         * (3.0 * (similarity > 0.90) + 4.0 * (similarity > 0.95))
         - 3.0 * (position[:, 2] < 0.075)
-        # a pen that keeps spinning will leave the goal again
+        # stop the pen: if it keeps spinning, it leaves the goal again
         - 2e-3 * (batch.qvel[:, -6:] ** 2).mean(axis=1)
     )
 
@@ -205,33 +204,33 @@ def reorientation_reward(batch: Batch) -> FloatArray:
 RECIPES = {
     "tool": Recipe(
         tool_reward,
-        # what is paid for reaching and lifting, step by step, makes it lunge for the hammer, and a
-        # price six times relocation's did not stop it
+        # rewards per step for reaching and lifting make it lunge for the hammer; penalties six
+        # times relocation's did not stop it
         hand_speed=1.0,
         action_rate=5.0,
         offset=0.1,
         steps=10_000_000,
         learning_rate=5e-4,
-        calm=(0.5, 0.7),  # lifting the hammer takes long to find, and calm would put an end to it
+        calm=(0.5, 0.7),  # it learns late to lift the hammer, and penalties would prevent it
     ),
     "door": Recipe(
         door_reward,
-        # ten and five times what relocation pays: there is time to open it slowly
+        # ten and five times relocation's: there is time to open the door slowly
         hand_speed=0.5,
         action_rate=5.0,
-        offset=0.1,  # fingers that barely hook the handle miss it when they are tracked
+        offset=0.1,  # fingers that barely hook the handle miss it when tracked
         steps=11_000_000,
         learning_rate=1e-3,
-        calm=(0.4, 0.6),  # asked for before it opens the door, they make it give up
+        calm=(0.4, 0.6),  # earlier penalties make it give up before it opens the door
     ),
     "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
     "reorientation": Recipe(
         reorientation_reward,
         action_rate=3.0,
         hand_speed=0.5,
-        offset=0.1,  # fast finger gaits stop short of the goal when they are tracked
+        offset=0.1,  # fast finger gaits stop short of the goal when tracked
         steps=22_000_000,
         learning_rate=5e-4,
-        initial_std=0.3,  # with more, the pen leaves the hand before anything is learnt
+        initial_std=0.3,  # with more noise, the pen leaves the hand before anything is learnt
     ),
 }

@@ -1,4 +1,4 @@
-"""Tasks by name, each imported when it is first asked for."""
+"""Tasks by name. A task's module is imported when it is first used."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _CLASSES = {
 }
 TASKS = tuple(_CLASSES)
 APPENDIX, PUBLISHED = "appendix", "published"
-"""Whose rule decides on success: appendix C's, or that of the published code."""
+"""Success rules: that of appendix C, and that of the published code."""
 JUDGED_OTHERWISE = {"tool": "PublishedTool", "reorientation": "PublishedReorientation"}
-"""The tasks whose success the published code judges by another rule than appendix C."""
+"""Tasks for which the published code has another success rule than appendix C."""
 
 
 def get_task(name: str, rule: str = APPENDIX) -> Task:
-    """Returns the task of that name, with success judged by that rule.
+    """Returns the task of a name, with a success rule.
 
     Raises:
-        InputError: there is no such task, or the rule is not one of `rules`.
+        InputError: there is no such task, or the task has no such rule.
     """
     if name not in _CLASSES:
         raise unknown_name("task", name, TASKS)
@@ -38,7 +38,7 @@ def get_task(name: str, rule: str = APPENDIX) -> Task:
 
 
 def rules(name: str) -> tuple[str, ...]:
-    """Returns the rules by which the success of a task can be judged."""
+    """Returns the names of a task's success rules."""
     return (APPENDIX, PUBLISHED) if name in JUDGED_OTHERWISE else (APPENDIX,)
 
 

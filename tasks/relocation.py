@@ -7,18 +7,19 @@ from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, dro
 from tasks.data import BoolArray, FloatArray, IntArray
 
 TARGET_RADIUS = 0.1
-"""Distance below which the ball counts as at the target [m] (appendix C)."""
+"""Distance to the target below which the ball is at the target [m] (appendix C)."""
 STEPS_AT_TARGET = 10
-"""The ball must be there for more than this many steps (appendix C)."""
+"""The ball must be at the target for more than this many steps (appendix C)."""
 BALL_LIFTED, BALL_DOWN = 0.07, 0.04
-"""Heights of the ball's centre [m]: a radius above where it rests, which a nudge does not
-reach; and back on the table (the environment's reward counts it as lifted from 0.04 m)."""
+"""Heights of the ball's centre [m]: above the first it is lifted (one radius above its resting
+height, which a nudge does not reach), below the second it is back on the table. (The environment's
+reward counts it as lifted above 0.04 m.)"""
 
 
 class Relocation(Task):
     """Appendix B-D, "Object Relocation", on the AdroitHandRelocate model.
 
-    The ball always starts at the centre of the table, where the model has it.
+    The ball always starts at the centre of the table, its place in the model.
     """
 
     # Model
@@ -34,7 +35,7 @@ class Relocation(Task):
     out_of_distribution = (Range((-0.25, -0.25, 0.35), (0.25, 0.25, 0.40)),)
 
     def place(self, batch: Batch, values: FloatArray) -> None:
-        """Puts the target at values (B, 3) [m]."""
+        """Puts the target at ``values`` (B, 3) [m]."""
         batch.site("target").pos = values
 
     # State
@@ -46,7 +47,7 @@ class Relocation(Task):
     )
 
     def object_state(self, batch: Batch) -> FloatArray:
-        """Returns the ball's position from the target, hinge angles and velocities, (B, 12)."""
+        """Returns the ball's position from the target, angles and velocities, (B, 12)."""
         angles = batch.qpos[:, -OBJECT_JOINTS // 2 :]
         velocities = batch.qvel[:, -OBJECT_JOINTS:]
         return np.concatenate([self._ball_from_target(batch), angles, velocities], axis=1)
@@ -67,7 +68,7 @@ class Relocation(Task):
         return self._steps_at_target(readings) > STEPS_AT_TARGET
 
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
-        """Returns whether the steps at the target suffice, or can no longer, (B,)."""
+        """Returns whether the steps at the target suffice, or cannot suffice any more, (B,)."""
         return count_decided(self._steps_at_target(readings), left, STEPS_AT_TARGET)
 
     def _steps_at_target(self, readings: FloatArray) -> IntArray:
@@ -82,9 +83,9 @@ class Relocation(Task):
         return batch.body("Object").xpos[:, 2:].copy()
 
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
-        """Returns whether the ball never left the table; fell; was never at the target.
+        """Returns whether the ball was never lifted, was dropped, or was never at the target.
 
-        Where none applies, it was at the target, but not for long enough.
+        If none applies, the ball was at the target, but not for long enough.
         """
         height = watched[:, :, 0]
         lifted = np.any(height > BALL_LIFTED, axis=1)

@@ -9,17 +9,17 @@ from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
 
 PEN_LENGTH = 0.13
-"""Distance between the sites at both ends of the pen, and of the goal [m]."""
+"""Distance between the sites at the ends of the pen, and of the goal [m]."""
 SIMILARITY = 0.90
-"""Cosine between pen and goal above which the pen counts as oriented (appendix C)."""
+"""Cosine between pen and goal above which the pen is oriented (appendix C)."""
 STEPS_ORIENTED = 10
 """The pen must be oriented for more than this many steps (appendix C)."""
 PUBLISHED_SPEED = 1.0
-"""Mean magnitude of the pen's velocities [m/s, rad/s] that the published code allows at the end."""
+"""Largest mean magnitude of the pen's velocities at the end, in the published code [m/s, rad/s]."""
 PUBLISHED_DROP = 0.15
-"""Height between the pen and its place [m] beyond which it counts as dropped there."""
+"""Height difference between the pen and its place above which it is dropped, there too [m]."""
 UNSETTLED = 4.0
-"""Taken from the cosine of a pen that is dropped or too fast, so that one reading tells both."""
+"""Subtracted from the cosine of a dropped or too fast pen, so that the reading shows both facts."""
 
 
 class Reorientation(Task):
@@ -46,7 +46,7 @@ class Reorientation(Task):
     )
 
     def place(self, batch: Batch, values: FloatArray) -> None:
-        """Turns the goal by pitch and yaw (B, 2) [rad]: about x, then about its own y."""
+        """Turns the goal by pitch and yaw (B, 2) [rad]: about x, then about the rotated y."""
         pitch, yaw = values.T / 2
         batch.body("target").quat = np.stack(
             [
@@ -67,7 +67,7 @@ class Reorientation(Task):
     )
 
     def object_state(self, batch: Batch) -> FloatArray:
-        """Returns the pen's position, direction in the goal's frame and velocities, (B, 12)."""
+        """Returns the pen's position, its direction in the goal's frame and velocities, (B, 12)."""
         frame = goal_frame(self._goal_direction(batch))
         direction = np.einsum("bij,bj->bi", frame, self._pen_direction(batch))
         velocities = batch.qvel[:, -OBJECT_JOINTS:]
@@ -92,7 +92,7 @@ class Reorientation(Task):
         return self._steps_oriented(readings) > STEPS_ORIENTED
 
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
-        """Returns whether the oriented steps suffice, or can no longer, (B,)."""
+        """Returns whether the oriented steps suffice, or cannot suffice any more, (B,)."""
         return count_decided(self._steps_oriented(readings), left, STEPS_ORIENTED)
 
     def _steps_oriented(self, readings: FloatArray) -> IntArray:
@@ -115,10 +115,10 @@ class Reorientation(Task):
         return _height(batch)
 
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
-        """Returns whether the pen fell; was never oriented; was so at the end of the episode.
+        """Returns whether the pen was dropped, was never oriented, or was oriented at the end.
 
-        Where none applies, it was oriented and then turned away. A pen in the hand stays within
-        0.07 m of its place, so that the height of the published code tells that it fell.
+        If none applies, the pen was oriented and then turned away. A held pen stays within 0.07 m
+        of its place, so the published height difference tells a dropped pen.
         """
         fell = np.any(watched[:, :, 0] < -PUBLISHED_DROP, axis=1)
         oriented = self._oriented(readings)
@@ -138,34 +138,34 @@ class Reorientation(Task):
 
 
 class PublishedReorientation(Reorientation):
-    """In-hand reorientation as the published code judges it."""
+    """In-hand reorientation as the published code judges it: the pen must also settle."""
 
     rule = (
-        f"{Reorientation.rule}; and after the last, the pen's velocities are below 1 in the mean"
-        " and it is within 0.15 m of its height"
+        f"{Reorientation.rule}; and at the last step, the mean magnitude of the pen's velocities is"
+        " below 1 and the pen is within 0.15 m of its height"
     )
 
     def read(self, batch: Batch) -> FloatArray:
-        """Returns the cosine, less `UNSETTLED` where the pen is dropped or too fast, (B,)."""
+        """Returns the cosine, minus `UNSETTLED` if the pen is dropped or too fast, (B,)."""
         speed = np.abs(batch.qvel[:, -OBJECT_JOINTS:]).mean(axis=1)
         unsettled = (np.abs(_height(batch)[:, 0]) > PUBLISHED_DROP) | ~(speed < PUBLISHED_SPEED)
         return super().read(batch) - UNSETTLED * unsettled
 
     def success(self, readings: FloatArray) -> BoolArray:
-        """Returns whether it was oriented for long enough, and is settled at the end, (B,)."""
+        """Returns whether the pen was oriented for long enough and is settled at the end, (B,)."""
         return super().success(readings) & (readings[:, -1] > -UNSETTLED / 2)
 
     def decided(self, readings: FloatArray, left: int) -> BoolArray:
-        """Returns whether the episode has ended, or can no longer succeed, (B,)."""
+        """Returns whether the episode has ended, or cannot succeed any more, (B,)."""
         hopeless = self._steps_oriented(readings) + left <= STEPS_ORIENTED
         return hopeless | (left == 0)
 
     failure_modes = (*Reorientation.failure_modes, "not settled at the end")
 
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
-        """Returns what the appendix's failures are, of a pen that was not oriented for long enough.
+        """Returns the appendix's failure modes of a pen that was not oriented for long enough.
 
-        Where none applies, it was, and is too fast or away from its place at the end.
+        If none applies, the pen was, but it is too fast or away from its place at the end.
         """
         fell, *others = super().failed_by(readings, watched)
         short = self._steps_oriented(readings) <= STEPS_ORIENTED
@@ -177,21 +177,21 @@ class PublishedReorientation(Reorientation):
 
 
 def _height(batch: Batch) -> FloatArray:
-    """Height of the pen above its place [m], (B, 1)."""
+    """Height of the pen above its place in the hand [m], (B, 1)."""
     return batch.body("Object").xpos[:, 2:] - batch.site("eps_ball").xpos[:, 2:]
 
 
 def _last(oriented: BoolArray, readings: FloatArray) -> BoolArray:
-    """Whether the pen was oriented at the last reading of each episode that there is, (B,)."""
+    """Whether the pen was oriented at the last finite reading of each episode, (B,)."""
     last = np.maximum(np.isfinite(readings).sum(axis=1) - 1, 0)
     return oriented[np.arange(len(oriented)), last]
 
 
 def goal_frame(goal: FloatArray) -> FloatArray:
-    """Returns rotations (B, 3, 3) that map unit vectors goal (B, 3) to the x axis (appendix B).
+    """Returns rotations (B, 3, 3) that map the unit vectors ``goal`` (B, 3) to the x axis.
 
-    The appendix fixes the x axis alone. The published code completes it with a y axis whose first
-    two components are equal, which needs a goal that is not horizontal; no start has one.
+    The appendix (B) fixes only the x axis. The published code adds a y axis whose first two
+    components are equal. It exists unless the goal is horizontal, which no start's is.
     """
     g1, g2, g3 = goal.T
     slope = -(g1 + g2) / g3

@@ -1,4 +1,4 @@
-"""Many episodes at once on ``mujoco.batch.Batch``; says which of them diverged."""
+"""Simulates many episodes at once with ``mujoco.batch.Batch``, and detects divergence."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,8 +19,8 @@ from tasks.physics import apply_physics
 SUBSTEPS = 5
 """Physics steps of 2 ms in a control step of 10 ms, as in the Adroit environments."""
 CHUNK = 500
-"""Episodes that a policy sees together. Part of the protocol: the shape of a matrix product
-changes its last bits, and contacts amplify them."""
+"""Number of episodes that a policy sees at once. It is part of the protocol: the shape of a matrix
+product changes its last bits, and contacts amplify them."""
 
 _KINEMATICS_ONLY = int(
     mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -29,14 +29,14 @@ _KINEMATICS_ONLY = int(
     | mujoco.mjtDisableBit.mjDSBL_EQUALITY
     | mujoco.mjtDisableBit.mjDSBL_SENSOR
 )
-"""Positions of bodies and sites do not depend on what these flags switch off."""
+"""Switches off computations that positions of bodies and sites do not depend on."""
 
 
 class Simulator:
-    """B episodes of one task, from their starts, all at the same time step.
+    """B episodes of one task, all at the same time step.
 
-    Stepping one episode or many, on any number of threads, gives the same bits. An episode whose
-    simulation breaks down is marked in ``diverged`` and stepped no further.
+    The number of episodes and of threads does not change a bit of an episode. An episode whose
+    simulation becomes unstable is marked in ``diverged`` and no longer stepped.
     """
 
     def __init__(
@@ -45,13 +45,14 @@ class Simulator:
         """Places the episodes at their starts.
 
         Args:
-            task: what is simulated.
-            starts: where the B episodes begin.
+            task: the task.
+            starts: the starts of the B episodes.
             physics: name of a variation of appendix I.
-            threads: how many to step on; 0 for one on each core.
+            threads: number of threads; 0 for one per core.
 
         Raises:
-            InputError: the starts are empty, another task's or out of range; physics is unknown.
+            InputError: the starts are empty, of another task or out of range; or physics is
+                unknown.
         """
         if len(starts) == 0:
             raise InputError("a simulator needs at least one start, got none")
@@ -60,14 +61,14 @@ class Simulator:
         self.starts = starts
         self.diverged = np.zeros(len(starts), np.bool_)
         self.running = np.ones(len(starts), np.bool_)
-        """Episodes that `step` advances; clear an entry to stop that episode."""
+        """(B,) episodes that `step` advances. Clear an entry to stop its episode."""
         self.batch = Batch(task.model, len(starts), threads)
         apply_physics(task, physics, self.batch)
         task.place(self.batch, starts.values)
         low, high = task.model.actuator_ctrlrange.T
         self._middle, self._half_range = (low + high) / 2, (high - low) / 2
         self._disableflags = self.batch.expand("opt.disableflags")
-        # A field is filled by the calls that follow its binding.
+        # Calls fill a field only after it is bound.
         for field in task.derived_fields:
             self.batch.bind(field)
         self.refresh()
@@ -76,8 +77,8 @@ class Simulator:
         """Advances the running episodes by one control step of 10 ms.
 
         Args:
-            actions: (B, A) normalised servo set-points, clipped to [-1, 1]. A NaN makes its
-                episode diverge.
+            actions: (B, A) normalised servo set-points; they are clipped to [-1, 1]. A NaN makes
+                its episode diverge.
 
         Raises:
             InputError: the actions have another shape, or are not real.
@@ -93,34 +94,34 @@ class Simulator:
         rows = np.flatnonzero(self.running)
         with _quiet():
             self.batch.step(rows, nstep=SUBSTEPS)
-        self._mark_diverged()
+        self.mark_diverged()
         self.refresh(rows)
 
     def state(self) -> FloatArray:
-        """Returns x = [x_r, x_o] of the present, (B, D)."""
+        """Returns the current state x = [x_r, x_o], (B, D)."""
         return self.task.state(self.batch)
 
     def observe(self) -> FloatArray:
-        """Returns the environment's observation of the present, one row an episode."""
+        """Returns the environment's current observation, one row per episode."""
         with _quiet():
             return self.task.observe(self.batch)
 
     def read(self) -> FloatArray:
-        """Returns what the success rule reads at present, (B,); NaN where diverged."""
+        """Returns the current reading of the success rule, (B,); NaN for diverged episodes."""
         return np.where(self.diverged, np.nan, self.task.read(self.batch))
 
     def refresh(self, rows: IntArray | None = None) -> None:
-        """Brings positions of bodies and sites up to the state of the batch.
+        """Recomputes the positions of bodies and sites from the state of the batch.
 
-        After a physics step they lag behind, and so they do after the state is written to.
+        They are out of date after a physics step, and after the state is written to.
         """
         self._disableflags |= _KINEMATICS_ONLY
         with _quiet():
             self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS)
         self._disableflags &= ~_KINEMATICS_ONLY
 
-    def _mark_diverged(self) -> None:
-        """Any warning counts, and so does a state that the next step would warn about."""
+    def mark_diverged(self) -> None:
+        """Marks episodes with a MuJoCo warning, or a state that causes one in the next step."""
         warned = self.batch.warning[:, :, 1].any(axis=1)
         moving = np.concatenate([self.batch.qpos, self.batch.qvel], axis=1)
         sound = (np.abs(moving) <= mujoco.mjMAXVAL).all(axis=1)
@@ -129,13 +130,13 @@ class Simulator:
 
 
 class Policy(Protocol):
-    """What drives a rollout."""
+    """Chooses the actions of a rollout."""
 
     def reset(self, simulator: Simulator) -> None:
-        """Prepares for episodes that begin at the simulator's present state."""
+        """Prepares for episodes that begin at the simulator's current state."""
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
-        """Returns the actions (B, A) of control step ``step``, counted from 0."""
+        """Returns the actions (B, A) of control step ``step``, counting from 0."""
 
 
 def rollout(
@@ -148,26 +149,26 @@ def rollout(
     threads: int = 0,
     whole: bool = False,
 ) -> Episodes:
-    """Returns what comes of driving every start with the policy.
+    """Runs a policy from every start and returns the episodes.
 
-    The policy always meets ``chunk`` episodes at once; the last chunk is padded with copies of
-    its last start, which are not simulated. It computes on one thread.
+    The policy always sees ``chunk`` episodes at once. The last chunk is padded with copies of its
+    last start, which are not simulated. The policy runs on one thread.
 
-    An episode ends once its success is decided: its later readings are missing (NaN), and whether
-    it would have diverged is not known.
+    An episode ends as soon as its success is final: its later readings are NaN, and a later
+    divergence goes unnoticed.
 
     Args:
-        task: what is simulated.
-        starts: where the B episodes begin.
-        policy: what gives the actions.
+        task: the task.
+        starts: the starts of the B episodes.
+        policy: chooses the actions.
         physics: name of a variation of appendix I.
-        steps: control steps; the task's unless told.
-        chunk: episodes that the policy sees together.
-        threads: how many to step on; 0 for one on each core.
-        whole: simulate decided episodes to their end.
+        steps: number of control steps. Default: the task's.
+        chunk: number of episodes that the policy sees at once.
+        threads: number of simulator threads; 0 for one per core.
+        whole: simulate every episode to its last step.
 
     Raises:
-        InputError: see Simulator; or steps or chunk is below 1.
+        InputError: see `Simulator`; or ``steps`` or ``chunk`` is below 1.
     """
     steps = task.steps if steps is None else steps
     for name, value in (("steps", steps), ("chunk", chunk)):
@@ -177,7 +178,7 @@ def rollout(
     taken = np.zeros(len(starts), np.int64)
     diverged = np.zeros(len(starts), np.bool_)
     readings = np.full((len(starts), steps), np.nan)
-    # More threads would round the policy's sums in another way.
+    # Another number of threads would round the policy's sums differently.
     with threadpool_limits(1):
         for first in range(0, len(starts), chunk):
             rows = np.arange(first, min(first + chunk, len(starts)))
@@ -202,7 +203,7 @@ def rollout(
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps MuJoCo from writing MUJOCO_LOG.TXT and to the console: `diverged` says it all."""
+    """Stops MuJoCo from logging to MUJOCO_LOG.TXT and the console; `diverged` has the facts."""
     log = mujoco.MjLogConfig.get()
     before = log.logto_file, log.logto_console
     log.logto_file = log.logto_console = False

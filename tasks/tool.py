@@ -7,16 +7,16 @@ from tasks.base import OBJECT_JOINTS, Component, Range, Task, dropped, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
 
 NAIL_DISTANCE = 0.01
-"""Distance from nail to goal below which the nail counts as driven in [m] (appendix C)."""
+"""Distance from nail to goal below which the nail is driven in [m] (appendix C)."""
 NAIL_MOVED = 0.001
-"""The nail was hit if it came closer to its goal by more than this [m]; untouched, it stays."""
+"""A nail that came this much closer to its goal was hit [m]; an untouched nail stays put."""
 HAMMER_LIFTED, HAMMER_DOWN = 0.07, 0.04
-"""Heights of the hammer's centre [m]: clear of the table, and back on it (the environment's reward
-counts it as lifted from 0.04 m)."""
+"""Heights of the hammer's centre [m]: above the first it is clear of the table, below the second it
+is back on it. (The environment's reward counts it as lifted above 0.04 m.)"""
 PUBLISHED_STEPS = 30
-"""Control steps after which the published code judges an episode."""
+"""Number of control steps after which the published code judges success."""
 CONTACT_MARGIN = 0.01
-"""Added to the bounding spheres that decide whether something may touch the nail [m]."""
+"""Margin between bounding spheres below which a body may touch the nail [m]."""
 
 
 class Tool(Task):
@@ -37,7 +37,7 @@ class Tool(Task):
     out_of_distribution = (Range((0.05,), (0.1,)), Range((0.25,), (0.3,)))
 
     def place(self, batch: Batch, values: FloatArray) -> None:
-        """Puts the board at height values (B, 1) [m]."""
+        """Puts the board at the heights ``values`` (B, 1) [m]."""
         batch.expand("body_pos")[:, batch.model.body("nail_board").id, 2:] = values
 
     # State
@@ -50,7 +50,7 @@ class Tool(Task):
     )
 
     def object_state(self, batch: Batch) -> FloatArray:
-        """Returns the hammer's head, orientation and velocities, and the nail's goal, (B, 15)."""
+        """Returns the hammer's head, orientation and velocities and the nail's goal, (B, 15)."""
         head = batch.site("tool").xpos
         goal = batch.site("nail_goal").xpos
         return np.concatenate([head, _euler(batch), _velocities(batch), goal], axis=1)
@@ -77,7 +77,7 @@ class Tool(Task):
         return batch.body("Object").xpos[:, 2:].copy()
 
     def failed_by(self, readings: FloatArray, watched: FloatArray) -> list[BoolArray]:
-        """Returns whether the hammer fell once it was lifted; whether the nail never moved."""
+        """Returns whether the hammer was dropped, and whether the nail was never hit."""
         fell = dropped(watched[:, :, 0], HAMMER_LIFTED, HAMMER_DOWN)
         hit = np.any(readings[:, :1] - readings > NAIL_MOVED, axis=1)
         return [fell, ~hit]
@@ -97,23 +97,23 @@ class Tool(Task):
 
 
 class PublishedTool(Tool):
-    """Tool use as the published code judges it: after the 31st of the T states."""
+    """Tool use as the published code judges it: success is read at the 31st state."""
 
     rule = "the nail is closer than 0.01 m to its goal after 30 steps"
 
     @property
     def steps(self) -> int:
-        """Control steps after which an episode is judged."""
+        """Number of control steps in an episode. Success is judged after the last."""
         return PUBLISHED_STEPS
 
 
 def _velocities(batch: Batch) -> FloatArray:
-    """Hammer velocities [m/s, rad/s], (B, 6), clipped as in the environment's observation."""
+    """Hammer velocities [m/s, rad/s], (B, 6), clipped like the environment's observation."""
     return np.clip(batch.qvel[:, -OBJECT_JOINTS:], -1.0, 1.0)
 
 
 def _euler(batch: Batch) -> FloatArray:
-    """Angles (B, 3) [rad] of rotations about x, y and z, each about the already rotated axis."""
+    """Intrinsic Euler angles (B, 3) [rad], in the order x, y, z."""
     r = batch.body("Object").xmat.reshape(-1, 3, 3)
     x = np.arctan2(-r[:, 1, 2], r[:, 2, 2])
     y = np.arctan2(r[:, 0, 2], np.hypot(r[:, 2, 2], r[:, 1, 2]))
@@ -124,8 +124,8 @@ def _euler(batch: Batch) -> FloatArray:
 def _nail_impact(batch: Batch) -> FloatArray:
     """Touch sensor of the nail, (B, 1) [N].
 
-    A force needs the whole dynamics, so they are computed only where something may touch the
-    nail: elsewhere the sensor reads zero.
+    A force needs the full dynamics. They are computed only where a body may touch the nail;
+    elsewhere the sensor reads zero.
     """
     near = _near_nail(batch)
     batch.forward(near)
@@ -135,9 +135,9 @@ def _nail_impact(batch: Batch) -> FloatArray:
 
 
 def _near_nail(batch: Batch) -> IntArray:
-    """Simulations in which a moving body's bounding sphere meets one of the nail's.
+    """Simulations in which the bounding spheres of a moving body and the nail nearly meet.
 
-    Fixed bodies are left out: the nail slides level with the table, well above it.
+    Fixed bodies do not count: the nail slides parallel to the table, well above it.
     """
     model = batch.model
     collides = (model.geom_contype | model.geom_conaffinity) != 0

@@ -147,7 +147,7 @@ def shipped(task, tmp_path, monkeypatch):
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(demos, "TRAINING", 6)
     monkeypatch.setattr(demos, "VALIDATION", 2)
-    monkeypatch.setattr(demos, "_BLOCK", 5)
+    monkeypatch.setattr("tasks.recorder.BLOCK", 5)
     monkeypatch.setattr(type(task), "horizon", 6)
     monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
     monkeypatch.setattr("bench.backend.Workers", in_this_process)

@@ -15,10 +15,11 @@ from bench.controller import ControllerConfig, train_controller
 from bench.provenance import software
 from methods.guard import guarded
 from methods.registry import SUITE, get_method
-from tasks.demos import TRAINING, VALIDATION, make_demos, split
+from tasks.demos import TRAINING, VALIDATION, split
 from tasks.experts import load_expert
 from tasks.files import to_bytes
 from tasks.pins import pin, processor
+from tasks.recorder import make_demos
 from tasks.registry import TASKS, get_task
 
 FILE = Path(__file__).with_suffix(".json")

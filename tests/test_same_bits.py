@@ -32,4 +32,6 @@ def test_everything_learnt_on_a_task_has_the_digests_of_other_processors(task):
 @pytest.mark.parametrize("task", TASKS)
 def test_the_shipped_controller_has_the_digest_that_training_gives(task):
     (card,) = SHIPPED.glob(f"{task}-original-nominal-*.json")
-    assert json.loads(card.read_text())["weights_sha256"] == same_bits.expected()[task]["controller"]
+    assert (
+        json.loads(card.read_text())["weights_sha256"] == same_bits.expected()[task]["controller"]
+    )

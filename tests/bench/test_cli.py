@@ -36,7 +36,7 @@ def test_list_names_the_four_tasks(bench):
     ("library", "importer", "command", "extra"),
     [
         ("minari", "tasks.minari", ("demos", "export", "door", "set"), "data"),
-        ("stable_baselines3", "tasks.training", ("expert", "train", "door"), "expert"),
+        ("stable_baselines3", "tasks.expert_training", ("expert", "train", "door"), "expert"),
     ],
 )
 def test_an_extra_that_is_missing_is_named(

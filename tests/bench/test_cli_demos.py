@@ -12,9 +12,11 @@ from bench.isolation import Failure
 from bench.results import Results
 from bench.studies import study_of
 from tasks.arrays import Replay
-from tasks.demos import load_demos, record, save_demos
+from tasks.demos import load_demos
+from tasks.demos_files import save_demos
 from tasks.errors import InputError
 from tasks.files import from_bytes
+from tasks.recorder import record
 from tasks.registry import get_task
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -203,7 +205,7 @@ def test_actions_act_and_are_kept_clipped(task, arrays):
         ("actions", lambda a: a.astype(complex), "actions of door must hold real numbers"),
         ("actions", lambda a: np.where(a == a[3, 2, 1], np.nan, a), "those of episode 3 are not"),
         ("starts", lambda a: a[:, :2], r"must have shape \(N, P\) = \(N, 3\), got \(8, 2\)"),
-        ("starts", lambda a: a[:-1], "as many episodes in each array, got 8 of actions, 7 of sta"),
+        ("starts", lambda a: a[:-1], "same number of episodes, got 8 of actions, 7 of sta"),
         ("starts", lambda a: a + 100, "allowed is"),
         ("states", lambda a: a[..., 1:], r"\(N, T, D\)"),
         ("starts", lambda a: a[:0], "starts of door holds no episodes"),
@@ -223,9 +225,9 @@ class Evil:
     ("harm", "answer"),
     [
         ("pickled", "cannot be read as an .npz file of numbers"),
-        ("npy", "is no .npz file"),
-        ("text", "is no .npz file"),
-        ("cut", "is no .npz file"),
+        ("npy", "is not an .npz file"),
+        ("text", "is not an .npz file"),
+        ("cut", "is not an .npz file"),
         ("nothing", "does not exist: name an .npz file"),
         ("lacks", "lacks starts: .* it holds actions"),
     ],

@@ -144,10 +144,10 @@ def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkey
 
 
 def test_check_says_how_many_rules_hold_and_which(bench):
-    code, said, _ = bench("check", "kodex")
+    code, said, _ = bench("check", "nn")
     assert code == 0
-    assert said.startswith("kodex: 17 of 17 rules hold, ")
-    assert "ok     described, unfitted_raises, fits, answers, finite, begins_at_the_start" in said
+    assert said.startswith("nn: 17 of 17 rules hold for each of 2 variants, ")
+    assert "ok     declared, unfitted_raises, fits, answers, finite, begins_at_the_start" in said
 
 
 @pytest.fixture
@@ -194,8 +194,24 @@ def test_check_names_what_is_broken_once_with_its_line(bench, package):
     assert "not tried: 14 rules (needs fits)" in said
     code, said, _ = bench("check", "altered", "--json")
     assert [one["rule"] for one in json.loads(said) if one["tried"]] == [
-        *("described", "unfitted_raises", "fits")
+        *("declared", "unfitted_raises", "fits")
     ]
+
+
+def test_check_names_the_variant_that_breaks_a_rule(bench, package):
+    package(
+        "variants = {'described': {}, 'second': {'observables': 2}}\n"
+        "def fit(self, demos, validation, seed):\n"
+        "    assert self.config.observables == 1\n"
+        "    super().fit(demos, validation, seed)\n"
+    )
+    code, said, _ = bench("check", "altered")
+    assert code == 3
+    assert said.startswith("altered: 2 of 17 rules hold for each of 2 variants, ")
+    assert "BROKEN fits (second): fit raised AssertionError (altered.py:" in said
+    assert "not tried: 14 rules (needs fits)" in said
+    rows = json.loads(bench("check", "altered", "--json")[1])
+    assert all(row["passed"] for row in rows if row["variant"] == "described")
 
 
 def test_what_a_method_prints_is_counted_and_begins_to_be_shown(bench, package):

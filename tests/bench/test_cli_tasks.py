@@ -169,5 +169,5 @@ def test_a_folder_that_is_no_data_set_changes_nothing(task, shipped, bench, tmp_
     file = tmp_path / "door.safetensors"
     code, _, err = bench("demos", "import", "door", str(tmp_path), "--out", str(file))
     assert code == 2
-    assert "no Minari data set" in err
+    assert "not a Minari data set" in err
     assert not file.exists()

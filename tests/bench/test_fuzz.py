@@ -7,23 +7,22 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 
-import numpy as np
 import pytest
-from bench.store import Store, _digest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bench.cli_status import progress
 from bench.experiments import cells_of
 from bench.presets import PRESETS
-from bench.spec import Cell, Evaluation, Fit
+from bench.sealed_files import seal_record
 from bench.studies import Options, study_of
 from methods.base import shortened
 from methods.registry import get_method, method_names
 from methods.toy import toy
 from methods.training import TrainingError
-from tasks.data import Episodes, Layout, Starts
+from tasks.data import Layout
 from tasks.errors import InputError
-from tasks.files import from_bytes, to_bytes
+from tasks.files import from_bytes
 from tasks.registry import TASKS
 
 LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
@@ -108,26 +107,6 @@ def test_a_value_that_is_understood_can_be_learnt_with(place):
                 get_method(fit.method, fit.variant)(config, LAYOUT).fit(toy(0, 3), toy(3, 2), 1)
 
 
-FIT = Fit("door", "kodex", "described", "single", {"observables": 3}, 10, 0, "key")
-EVALUATION = Evaluation("door", "test", controller_key="c")
-
-
-@pytest.fixture
-def store(tmp_path):
-    """A results folder with one of each kind of file."""
-    store = Store(tmp_path / "results")
-    starts = Starts("door", "test", np.arange(4), np.zeros((4, 3)))
-    outcomes = (np.arange(4) % 2 == 1, np.zeros(4, bool), np.full(4, 69), np.zeros((4, 69)))
-    with store.locked():
-        store.ask_for([Cell(FIT, EVALUATION, 4)])
-        weights, losses = to_bytes({"koopman": np.eye(2)}), to_bytes({"losses": np.ones(3)})
-        store.add_fit(FIT, weights, losses, {"seconds": 1.5})
-        store.add_episodes(FIT, EVALUATION, Episodes(starts, *outcomes))
-        store.add_times({"folder": store.frame().folder[0]}, [1.0])
-        store.add_failure("label", "reason", "traceback")
-        yield store
-
-
 def spliced(content, place, values):
     """Some bytes in place of as many."""
     place %= len(content)
@@ -137,13 +116,13 @@ def spliced(content, place, values):
 def resealed(content, place, value):
     """A record whose digest fits, with another value somewhere in it."""
     record = json.loads(content)
-    record.pop("self", None)
+    record.pop("self")
     *outer, last = (paths := list(paths_in(record)))[place % len(paths)]
     inner = record
     for name in outer:
         inner = inner[name]
     inner[last] = value
-    return json.dumps(record | {"self": _digest(record)}).encode()
+    return seal_record(record)
 
 
 def paths_in(record, above=()):
@@ -154,8 +133,12 @@ def paths_in(record, above=()):
             yield from paths_in(inner, (*above, name))
 
 
-def test_any_stored_file_is_read_or_set_aside_or_refused(store, tmp_path, times, capsys):
-    paths = [path for path in sorted(store.folder.rglob("*")) if path.is_file()]
+def test_any_stored_file_is_read_or_set_aside_or_refused(stored, tmp_path, times, capsys):
+    writer = stored.writer
+    writer.add_times(stored.results.frame().folder[0], [1.0])
+    writer.add_failure("label", "reason", "traceback")
+    results = writer.results
+    paths = [path for path in sorted(writer.folder.rglob("*")) if path.is_file()]
     before = {path: path.read_bytes() for path in paths if path.name != ".lock"}
     assert len(before) == 7
 
@@ -180,14 +163,15 @@ def test_any_stored_file_is_read_or_set_aside_or_refused(store, tmp_path, times,
             one.parent.mkdir(parents=True, exist_ok=True)
             one.write_bytes(sound)
         path.write_bytes(content)
-        understood(store.frame)
-        understood(store.failures)
-        understood(store.progress)
-        understood(store.sweep)
-        understood(lambda: store.has_fit(FIT) and from_bytes(store.parameters(FIT)))
-        understood(lambda: store.episodes(FIT, EVALUATION))
+        for read in (results.frame, results.failures, lambda: progress(results)):
+            understood(read)
+        understood(lambda: list(results.non_finite()))
+        understood(lambda: from_bytes(results.parameters(stored.fit)))
+        understood(lambda: results.episodes(stored.wanted))
+        understood(writer.set_aside_damage)
+        understood(lambda: writer.ask_for([stored.wanted]))
         assert [one.name for one in tmp_path.iterdir()] == ["results"]
-        shutil.rmtree(store.folder / "damaged", ignore_errors=True)
+        shutil.rmtree(writer.folder / "damaged", ignore_errors=True)
         capsys.readouterr()
 
     fuzz()

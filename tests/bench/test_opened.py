@@ -14,7 +14,8 @@ from bench import views
 from bench.presets import get_preset
 from bench.studies import study_of
 from methods.base import MotionMethod
-from tasks.demos import load_demos, save_demos
+from tasks.demos import load_demos
+from tasks.demos_files import save_demos
 from tasks.errors import InputError
 
 OPTIONS = ("--jobs", "1", "--episodes", "3", "--set", "nn.epochs=1")

@@ -29,10 +29,11 @@ from methods import registry
 from methods.kodex import Kodex
 from reports.results import Results
 from reports.write import exhibits
-from tasks.demos import demos_key, load_demos, save_demos
-from tasks.demos import record as record_demos
+from tasks.demos import demos_key, load_demos
+from tasks.demos_files import save_demos
 from tasks.errors import InputError
 from tasks.masses import READINGS, VARIATIONS
+from tasks.recorder import record as record_demos
 
 
 def without_motions(files):

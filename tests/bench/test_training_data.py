@@ -16,7 +16,8 @@ from bench.training_data import (
     wanted_episodes,
 )
 from tasks.data import UnclippedDemos
-from tasks.demos import adopt_demos, demos_key, demos_path, load_demos, save_demos
+from tasks.demos import adopt_demos, demos_key, demos_path, load_demos
+from tasks.demos_files import save_demos
 
 pytestmark = [
     pytest.mark.parametrize("task", ["door"], indirect=True),

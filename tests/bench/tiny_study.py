@@ -14,11 +14,11 @@ from bench.presets import PRESETS
 from methods.registry import SUITE
 from reports.results import Results
 from reports.write import exhibits
-from tasks import demos
+from tasks import demos, recorder
 
 
 def main(folder: Path) -> None:
-    demos.TRAINING, demos.VALIDATION, demos._BLOCK = 6, 2, 10
+    demos.TRAINING, demos.VALIDATION, recorder.BLOCK = 6, 2, 10
     driver.TRAINING = 6
     study = replace(
         PRESETS["smoke"],

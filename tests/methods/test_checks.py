@@ -1,36 +1,50 @@
-"""`methods.checks` passes the suite's methods, and names the rule that a broken one breaks."""
+"""`methods.checks` passes the suite's methods and names the rule that a broken method breaks."""
 
 import os
 import random
 import sys
 from dataclasses import dataclass, field, replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
 import torch
 
 from methods.base import ActionMethod, MotionMethod, NotFittedError
-from methods.checks import check
+from methods.checks import DECLARED, RULES, VARIANT_RULES, check, check_variant
 from methods.kodex import Kodex
+from methods.ngf import NGF
+from methods.ngf_published import PublishedNGF
 from methods.registry import SUITE, get_method
+from methods.rules import RuleBrokenError
+from methods.subject import subjects
 from methods.toy import HORIZON, LAYOUT
 from tasks.registry import TASKS, get_task
 
-VARIANTS = [(name, variant) for name in SUITE for variant in get_method(name).variants]
+TEMPLATE = files("methods.template") / "NAME.py.txt"
 
 
-@pytest.mark.parametrize(("name", "variant"), VARIANTS)
-def test_every_variant_of_the_methods_of_the_suite_keeps_every_rule(name, variant):
-    """As it is at its smallest size."""
-    method = get_method(name, variant)
-    changes = method.variants.get(variant, {})
-    sizes = {size: replace(config, **changes) for size, config in method.sizes.items()}
-    own = {"__module__": method.__module__, "sizes": sizes, "variants": {"described": {}}}
-    verdicts = check(type(method.__name__, (method,), own))
-    assert [verdict for verdict in verdicts if not verdict.passed] == []
+SUBJECTS = {(name, one.variant): one for name in SUITE for one in subjects(get_method(name))}
 
 
-def test_the_made_up_demonstrations_are_as_long_as_those_of_any_task():
+@pytest.mark.parametrize("subject", SUBJECTS.values(), ids=map("-".join, SUBJECTS))
+def test_every_variant_of_a_built_in_method_keeps_every_rule(subject):
+    results = list(check_variant(subject))
+    assert [result for result in results if not result.passed] == []
+    assert [result.rule for result in results] == list(VARIANT_RULES)
+
+
+@pytest.mark.parametrize("name", SUITE)
+def test_the_classes_of_built_in_methods_are_declared_as_the_contract_asks(name):
+    RULES[DECLARED](get_method(name))
+
+
+def test_a_variant_with_a_network_of_its_own_is_checked_as_that_network():
+    published = {subject.variant: subject.method for subject in subjects(get_method("ngf"))}
+    assert published == {"described": NGF, "published": PublishedNGF}
+
+
+def test_the_synthetic_demonstrations_are_as_long_as_those_of_any_task():
     tasks = [get_task(name) for name in TASKS]
     assert max(task.horizon for task in tasks) == HORIZON
     assert get_task("door").layout == LAYOUT
@@ -71,12 +85,18 @@ class Steering(ActionMethod):
         return np.einsum("bd,da->ba", state, self.parameters()["gain"])
 
 
-def test_an_action_method_can_keep_every_rule():
-    assert [verdict for verdict in check(Steering) if not verdict.passed] == []
+def test_a_sound_action_method_keeps_every_rule():
+    assert [result for result in check(Steering) if not result.passed] == []
 
 
-class Seeded(Kodex):
-    """Each seed has a fit of its own."""
+class OneVariant(Kodex):
+    """KODex without the variants that a broken method would break too."""
+
+    variants = {"described": {}}  # noqa: RUF012
+
+
+class Seeded(OneVariant):
+    """KODex whose fit depends on the seed."""
 
     deterministic = False
 
@@ -85,12 +105,12 @@ class Seeded(Kodex):
         self._koopman[0] *= 1 + 0.01 * seed
 
 
-def test_a_method_may_have_a_fit_for_each_seed():
-    assert [verdict for verdict in check(Seeded) if not verdict.passed] == []
+def test_a_method_that_depends_on_the_seed_keeps_every_rule():
+    assert [result for result in check(Seeded) if not result.passed] == []
 
 
-class Motions(Kodex):
-    """KODex whose answers can be spoilt."""
+class Motions(OneVariant):
+    """KODex whose motions a subclass can spoil."""
 
     def spoil(self, motion):
         return motion
@@ -131,7 +151,7 @@ class Still(Motions):
         return np.repeat(motion[:, :1], motion.shape[1], axis=1)
 
 
-class Nondeterministic(Kodex):
+class Nondeterministic(OneVariant):
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
         self._koopman += 1e-9 * np.random.default_rng().standard_normal(self._koopman.shape)
@@ -147,25 +167,25 @@ class SeededInSecret(Seeded):
     deterministic = True
 
 
-class GlobalStream(Kodex):
+class GlobalStream(OneVariant):
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
         self._koopman += 1e-9 * torch.randn(1).item()
 
 
-class SeedsGlobally(Kodex):
+class SeedsGlobally(OneVariant):
     def fit(self, demos, validation, seed):
         random.seed(seed)
         super().fit(demos, validation, seed)
 
 
-class WritesToItsInput(Kodex):
+class WritesToItsInput(OneVariant):
     def fit(self, demos, validation, seed):
         demos.states[:] /= 2
         super().fit(demos, validation, seed)
 
 
-class ForgetsOnSave(Kodex):
+class ForgetsOnSave(OneVariant):
     def parameters(self):
         return {"koopman": np.round(self.koopman, 3)}
 
@@ -186,30 +206,30 @@ class AnswersUnfitted(MotionMethod):
         return np.repeat(start[:, None], steps + 1, axis=1)
 
 
-class WritesToStates(Kodex):
+class WritesToStates(OneVariant):
     def rollout(self, start, steps):
         motion = super().rollout(start, steps)
         start[:] = 0
         return motion
 
 
-class RaisesInFit(Kodex):
+class RaisesInFit(OneVariant):
     def fit(self, demos, validation, seed):
         raise KeyError("learning_rate")
 
 
-class Exits(Kodex):
+class Exits(OneVariant):
     def fit(self, demos, validation, seed):
         sys.exit(4)
 
 
-class ChangesFolder(Kodex):
+class ChangesFolder(OneVariant):
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
         os.chdir("/")
 
 
-class Doubles(Kodex):
+class Doubles(OneVariant):
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
         torch.set_default_dtype(torch.float64)
@@ -224,21 +244,21 @@ class Counts(Motions):
         return motion
 
 
-class LearnsNothing(Kodex):
+class LearnsNothing(OneVariant):
     def parameters(self):
         return {}
 
 
-class UnstorableDiagnostics(Kodex):
+class UnstorableDiagnostics(OneVariant):
     def diagnostics(self):
         return {"kind": np.array(["text"])}
 
 
-class SizeWithASlash(Kodex):
+class SizeWithASlash(OneVariant):
     sizes = {"w/o": Kodex.sizes["single"]}  # noqa: RUF012
 
 
-class Raises(Kodex):
+class Raises(OneVariant):
     def rollout(self, start, steps):
         super().rollout(start, steps)
         raise ZeroDivisionError("no motion today")
@@ -275,11 +295,11 @@ class Raises(Kodex):
         (Counts, "same_start_same_answer", "when it is asked again"),
         (LearnsNothing, "fits", "parameters() is empty"),
         (UnstorableDiagnostics, "fits", "diagnostics() holds 'kind'"),
-        (SizeWithASlash, "described", "a size cannot be called 'w/o'"),
+        (SizeWithASlash, "declared", "a size cannot be called 'w/o'"),
     ],
 )
-def test_a_broken_method_breaks_the_right_rule(method, rule, message):
-    broken = {verdict.rule: verdict.message for verdict in check(method) if not verdict.passed}
+def test_each_fault_breaks_its_rule(method, rule, message):
+    broken = {result.rule: result.message for result in check(method) if not result.passed}
     assert message in broken[rule]
 
 
@@ -299,8 +319,8 @@ class NotANumberLate(Steering):
         return super().act(state, t) / (t != 30 or np.nan)
 
 
-class RaisesForOne(Kodex):
-    """The same error from all rules that ask for a single motion."""
+class RaisesForOne(OneVariant):
+    """Raises the same error in every rule that asks for a single motion."""
 
     def rollout(self, start, steps):
         if len(start) == 1:
@@ -328,20 +348,20 @@ class NeverTheSame(Nondeterministic):
         (Counts, "same_start_same_answer", 6),
     ],
 )
-def test_one_fault_breaks_one_rule(method, rule, untried):
-    verdicts = list(check(method))
-    assert [v.rule for v in verdicts if v.tried and not v.passed] == [rule]
-    assert [v.passed for v in verdicts if not v.tried] == [False] * untried
-    assert {v.message for v in verdicts if not v.tried} <= {f"needs {rule}"}
+def test_one_fault_is_reported_by_one_rule(method, rule, untried):
+    results = list(check(method))
+    assert [one.rule for one in results if one.tried and not one.passed] == [rule]
+    assert [one.passed for one in results if not one.tried] == [False] * untried
+    assert {one.message for one in results if not one.tried} <= {f"needs {rule}"}
 
 
-def test_nan_at_a_late_step_of_an_action_method_is_found_with_its_step():
-    broken = {v.rule: v.message for v in check(NotANumberLate) if not v.passed}
+def test_nan_at_a_late_step_of_an_action_method_is_reported_with_its_step():
+    broken = {one.rule: one.message for one in check(NotANumberLate) if not one.passed}
     assert broken == {"finite": "act returned NaN or inf in 6 of 6 episodes, first at t=30"}
 
 
-class RaisesTwice(Kodex):
-    """Breaks two rules by the same line."""
+class RaisesTwice(OneVariant):
+    """Breaks two rules with the same line."""
 
     def rollout(self, start, steps):
         if self._koopman is None or len(start) == 1:
@@ -349,16 +369,16 @@ class RaisesTwice(Kodex):
         return super().rollout(start, steps)
 
 
-def test_the_same_error_is_named_once():
-    verdicts = {v.rule: v for v in check(RaisesTwice) if not v.passed}
-    assert verdicts["unfitted_raises"].tried
-    assert not verdicts["batch_invariance"].tried
-    assert verdicts["batch_invariance"].message == "meets the error of unfitted_raises"
+def test_an_error_that_breaks_two_rules_is_reported_once():
+    results = {one.rule: one for one in check(RaisesTwice) if not one.passed}
+    assert results["unfitted_raises"].tried
+    assert not results["batch_invariance"].tried
+    assert results["batch_invariance"].message == "meets the error of unfitted_raises"
 
 
 @dataclass(frozen=True)
 class Derived:
-    """A config with a field that follows from another."""
+    """A config with a field that is computed from another."""
 
     gain: float = 1.0
     layers: tuple[tuple[int, ...], ...] = ((4, 2), (1,))
@@ -368,11 +388,10 @@ class Derived:
         object.__setattr__(self, "double", 2 * self.gain)
 
 
-class Nearest(Kodex):
-    """Stores demonstrations, as many for each size, and complex numbers as diagnostics."""
+class Nearest(OneVariant):
+    """Stores its demonstrations, and complex numbers as diagnostics."""
 
     sizes = {"one": Derived(), "three": Derived(3.0)}  # noqa: RUF012
-    variants = {"described": {}}  # noqa: RUF012
     default_size = {}  # noqa: RUF012
     _states = None
 
@@ -392,7 +411,7 @@ class Nearest(Kodex):
     def load(self, parameters):
         assert parameters["count"].shape == ()
         self._states = parameters["states"]
-        self._states += 0.0  # parameters are the method's own
+        self._states += 0.0  # a method may write to its parameters
 
     def diagnostics(self):
         return {"eigenvalues": np.linalg.eigvals(np.array([[0.0, 1.0], [-1.0, 0.0]]))}
@@ -405,5 +424,43 @@ class Nearest(Kodex):
         return motion
 
 
-def test_a_method_whose_sizes_store_as_much_can_keep_every_rule():
-    assert [verdict for verdict in check(Nearest) if not verdict.passed] == []
+def test_a_method_that_stores_its_demonstrations_keeps_every_rule():
+    assert [result for result in check(Nearest) if not result.passed] == []
+
+
+def test_sizes_of_a_method_may_store_equally_many_numbers():
+    """Method of the template: more neighbours take no more memory."""
+    written = {}
+    code = TEMPLATE.read_text().replace("{{name}}", "knn").replace("{{Class}}", "Knn")
+    exec(compile(code, "knn.py", "exec"), written)
+    single = written["Knn"].sizes["single"]
+    written["Knn"].sizes = {"one": single, "three": replace(single, neighbours=3)}
+    assert [result for result in check(written["Knn"]) if not result.passed] == []
+
+
+class BrokenVariant(Motions):
+    """KODex that holds still with the second set of observables."""
+
+    variants = {"described": {}, "set_2": {"observables": 2}}  # noqa: RUF012
+
+    def spoil(self, motion):
+        return Still.spoil(self, motion) if self.config.observables == 2 else motion
+
+
+def test_a_broken_variant_is_reported_with_its_name():
+    results = list(check(BrokenVariant))
+    broken = [(one.variant, one.rule) for one in results if not one.passed]
+    assert broken == [("set_2", "beats_holding_still")]
+    assert len(results) == 1 + 2 * len(VARIANT_RULES)
+    with pytest.raises(RuleBrokenError, match="variant 'set_2': its mean error is"):
+        RULES["beats_holding_still"](BrokenVariant)
+
+
+class UnknownField(OneVariant):
+    variants = {"described": {}, "wide": {"width": 3}}  # noqa: RUF012
+
+
+def test_a_variant_that_sets_an_unknown_field_breaks_the_declaration_only():
+    first, *others = check(UnknownField)
+    assert first.message == "variant 'wide' sets 'width', which size 'single' lacks"
+    assert {one.message for one in others} == {"needs declared"}

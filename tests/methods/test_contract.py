@@ -1,4 +1,4 @@
-"""What a method returns is stored bit for bit, or refused in words."""
+"""What a method returns is stored bit for bit, or refused with a message."""
 
 from dataclasses import dataclass, field
 
@@ -9,8 +9,8 @@ import torch
 from methods.contract import (
     MAX_BYTES,
     ContractError,
-    _stored,
     actions,
+    checked_bytes,
     from_json,
     learn,
     motion,
@@ -38,8 +38,8 @@ SOUND = {
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_what_is_stored_comes_back_and_can_be_written_to(name):
-    (found,) = from_bytes(_stored({name: SOUND[name]}, "parameters")).values()
+def test_stored_arrays_are_loaded_as_writable_copies(name):
+    (found,) = from_bytes(checked_bytes({name: SOUND[name]}, "parameters")).values()
     assert found.shape == SOUND[name].shape
     assert found.dtype.kind == SOUND[name].dtype.kind
     np.testing.assert_array_equal(found, SOUND[name])
@@ -60,14 +60,14 @@ def test_what_is_stored_comes_back_and_can_be_written_to(name):
         ({"x": np.ma.masked_array([1.0], [True])}, "numpy.ma.MaskedArray"),
         ({3: np.ones(1)}, "names an array 3"),
         ({"": np.ones(1)}, "names an array ''"),
-        ({"\ud800": np.ones(1)}, "names are printable"),
+        ({"\ud800": np.ones(1)}, "names must be printable"),
         ({"__metadata__": np.ones(1)}, "names an array '__metadata__'"),
         ({"x": np.broadcast_to(1.0, MAX_BYTES)}, "takes 8.0 GiB, allowed is 1"),
     ],
 )
-def test_what_cannot_be_stored_is_refused(arrays, reason):
+def test_parameters_that_cannot_be_stored_are_refused(arrays, reason):
     with pytest.raises(ContractError, match=r"^parameters") as refused:
-        _stored(arrays, "parameters")
+        checked_bytes(arrays, "parameters")
     assert reason in str(refused.value)
 
 
@@ -81,7 +81,7 @@ class Config:
 
 
 @pytest.mark.parametrize("value", [1, 0.1, "text", None, True, (), ((1, 2), ("a",))])
-def test_a_config_is_the_same_once_stored_and_built_again(value):
+def test_a_stored_config_equals_the_original(value):
     config = Config(value)
     assert from_json(Config, resolved(config)) == config
 
@@ -98,14 +98,14 @@ class Shared(Kodex):
         return super().fit_seeds(config, layout, demos, validation, seeds[:1]) * len(seeds)
 
 
-def test_each_seed_has_an_object_of_its_own():
+def test_fit_seeds_must_return_a_separate_object_for_each_seed():
     values = resolved(Kodex.sizes["single"])
     with pytest.raises(ContractError, match="fit_seeds must return 2 of Shared, an object for"):
         learn(Shared, values, LAYOUT, toy(0, 5), toy(1, 2), [1, 2])
 
 
 class Torch(Kodex):
-    """Learns with torch, which warns of arrays that may not be written to."""
+    """Learns with torch, which warns about read-only arrays."""
 
     def fit(self, demos, validation, seed):
         for some in (demos, validation):
@@ -122,7 +122,7 @@ class Torch(Kodex):
         return super().rollout(start, steps)
 
 
-def test_arrays_that_a_method_gets_can_be_written_to_wherever_they_come_from():
+def test_methods_get_writable_arrays_even_from_read_only_demonstrations():
     demos = toy(0, 5)
     for array in (demos.states, demos.velocities, demos.actions, demos.starts.values):
         array.flags.writeable = False
@@ -132,7 +132,7 @@ def test_arrays_that_a_method_gets_can_be_written_to_wherever_they_come_from():
 
 
 class Answers:
-    """A method that answers with what it is given."""
+    """A method that returns a given answer."""
 
     layout = LAYOUT
 
@@ -146,7 +146,7 @@ class Answers:
         return np.linalg.inv(self.answer)
 
 
-def test_a_wrong_shape_is_named_beside_the_right_ones():
+def test_a_wrong_shape_is_refused_with_the_expected_shapes():
     with pytest.raises(ContractError, match="rollout returned shape") as refused:
         motion(Answers(np.zeros((2, 9, 35))), np.zeros((2, 35)), 9)
     expected = "(2, 9, 35), expected (2, 10, 35) or (2, 10, 28)"
@@ -155,7 +155,7 @@ def test_a_wrong_shape_is_named_beside_the_right_ones():
         actions(Answers(np.eye(2)), np.zeros((2, 35)), 4)
 
 
-def test_an_error_of_a_library_is_laid_at_the_line_of_the_method_that_called_it():
+def test_an_error_in_a_library_is_reported_at_the_line_of_the_method():
     line = Answers.act.__code__.co_firstlineno + 1
     with pytest.raises(ContractError) as refused:
         actions(Answers(np.zeros((2, 2))), np.zeros((2, 35)), 30)

@@ -9,7 +9,7 @@ CONFIGS = [DMPConfig(10, 99, 1 / 99), DMPConfig(30, 69, 0.01), DMPConfig(2, 5, 0
 
 
 def step_by_step(config: DMPConfig, start, goal, weights):
-    """The equations in the order of the published layer, one step after the other."""
+    """Integrates the equations step by step, in the order of the published layer."""
     count = config.basis_functions
     centres = torch.tensor([np.exp(-i / (count - 1)) for i in range(count)])
     widths = count**1.5 / centres
@@ -34,7 +34,7 @@ def draw(config):
 
 
 @pytest.mark.parametrize("config", CONFIGS)
-def test_basis_motions_give_what_integration_gives(config):
+def test_basis_motions_match_step_by_step_integration(config):
     start, goal, weights = draw(config)
     motion = dmp(config, start, goal, 100 * weights)
     expected = step_by_step(config, start, goal, 100 * weights)
@@ -43,7 +43,7 @@ def test_basis_motions_give_what_integration_gives(config):
 
 
 @pytest.mark.parametrize("config", CONFIGS)
-def test_gradients_are_those_of_integration(config):
+def test_gradients_match_step_by_step_integration(config):
     inputs = draw(config)
     pull = torch.tensor(generator("pull").standard_normal((4, config.steps, 3)))
     ours = torch.autograd.grad((dmp(config, *inputs) * pull).sum(), inputs)
@@ -52,7 +52,7 @@ def test_gradients_are_those_of_integration(config):
         torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-10)
 
 
-def test_without_forcing_a_motion_goes_to_its_goal():
+def test_without_forcing_a_motion_converges_to_its_goal():
     config = DMPConfig(10, 400, 1 / 99)
     start, goal, weights = draw(config)
     motion = dmp(config, start, goal, torch.zeros_like(weights))
@@ -60,7 +60,7 @@ def test_without_forcing_a_motion_goes_to_its_goal():
 
 
 @pytest.mark.parametrize("config", CONFIGS)
-def test_whitened_weights_move_a_motion_alike(config):
+def test_whitened_weights_change_a_motion_equally(config):
     of_weights = basis_motions(config)[3]
     values = np.linalg.svd(of_weights, compute_uv=False)
     alike = (values > WHITENING_FLOOR * values[0]).sum()

@@ -1,4 +1,4 @@
-"""What code changes of the process is named, and changed back."""
+"""Changes of the process are named and reverted."""
 
 import gc
 import locale
@@ -73,7 +73,7 @@ def state():
 
 @pytest.mark.filterwarnings("ignore:subprocess:ResourceWarning")
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_change_is_named_and_changed_back(name):
+def test_a_change_of_the_process_is_named_and_reverted(name):
     if name == "the allowed processor cores" and len(os.sched_getaffinity(0)) == 1:
         pytest.skip("there is one core to choose")
     before = state()
@@ -83,17 +83,17 @@ def test_a_change_is_named_and_changed_back(name):
     assert state() == before
 
 
-def test_every_part_of_the_state_is_tried():
+def test_every_part_of_the_state_has_a_test():
     assert {part.name for part in PARTS} - set(CHANGES) == {"tracing"}
 
 
-def test_code_that_changes_nothing_is_said_to():
+def test_code_that_changes_nothing_is_reported_as_unchanged():
     with guarded("test") as changed:
         np.linalg.solve(np.eye(2), np.ones(2))
     assert changed == []
 
 
-def test_global_streams_depend_on_what_is_computed_alone():
+def test_global_random_streams_are_seeded_by_the_computation():
     def drawn(*stream):
         with guarded(*stream):
             return random.random(), np.random.rand(), torch.rand(1).item()  # noqa: NPY002
@@ -102,7 +102,7 @@ def test_global_streams_depend_on_what_is_computed_alone():
     assert len({*drawn("one", 1), *drawn("one", 2)}) == 6
 
 
-def test_files_go_to_an_empty_folder_that_is_removed():
+def test_code_runs_in_an_empty_folder_that_is_removed():
     with guarded("test"):
         assert os.listdir() == []
         place = os.getcwd()

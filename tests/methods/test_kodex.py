@@ -21,13 +21,13 @@ def make_demos(states) -> Demos:
 
 @pytest.fixture
 def noisy():
-    """Motions that fill every direction of the lifted space."""
+    """Motions that span the lifted space."""
     return make_demos(generator("kodex").standard_normal((30, 20, 5)))
 
 
 @pytest.fixture
 def flat():
-    """Motions on a plane in state space: G has half its directions exactly empty."""
+    """Motions on a plane in state space, for which half the directions of G are exactly zero."""
     rng = generator("kodex flat")
     turn = np.linalg.qr(rng.standard_normal((2, 2)))[0] * 0.98
     plane = np.zeros((30, 20, 2))
@@ -45,7 +45,7 @@ def fitted(demos, **config) -> Kodex:
 
 
 def by_definition(demos, observables):
-    """Appendix (9), pair by pair, in plain loops."""
+    """Returns K by appendix (9), pair by pair, in plain loops."""
     a, g, pairs = 0, 0, 0
     for motion in demos.states:
         for x, after in pairwise(motion):
@@ -58,7 +58,7 @@ def by_definition(demos, observables):
 
 
 def step_by_step(koopman, observables, start, steps):
-    """Appendix (3), (8): the lifted state through K, and read out."""
+    """Returns motions by appendix (3) and (8): lifted states are multiplied by K and read out."""
     z, motion = lift(start, 3, observables), [start]
     for _ in range(steps):
         z = np.array([koopman @ one for one in z])
@@ -68,7 +68,7 @@ def step_by_step(koopman, observables, start, steps):
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 @pytest.mark.parametrize("kind", ["noisy", "flat"])
-def test_motions_are_those_of_the_definition(request, kind, number):
+def test_motions_match_the_definition(request, kind, number):
     demos = request.getfixturevalue(kind)
     observables = get_observables(number)
     koopman = by_definition(demos, observables)
@@ -79,7 +79,7 @@ def test_motions_are_those_of_the_definition(request, kind, number):
     assert np.abs(motion - expected).max() <= 1e-8 * np.abs(expected).max()
 
 
-def test_a_linear_system_is_found_exactly():
+def test_a_linear_system_is_identified_exactly():
     rng = generator("linear system")
     dynamics = 0.9 * np.linalg.qr(rng.standard_normal((5, 5)))[0]
     states = np.zeros((40, 12, 5))
@@ -96,7 +96,7 @@ def test_a_linear_system_is_found_exactly():
     assert found["one_step_residuals"].max() < 1e-10
 
 
-def test_the_seed_the_validation_and_threads_change_nothing(noisy):
+def test_seed_validation_and_threads_have_no_effect(noisy):
     koopman = fitted(noisy).koopman
     other = Kodex(KodexConfig(), LAYOUT)
     with threadpool_limits(2):
@@ -104,7 +104,7 @@ def test_the_seed_the_validation_and_threads_change_nothing(noisy):
     np.testing.assert_array_equal(other.koopman, koopman)
 
 
-def test_what_is_stored_gives_the_same_motions(noisy):
+def test_a_stored_operator_gives_the_same_motions(noisy):
     kodex = fitted(noisy)
     start = noisy.states[:4, 0]
     again = Kodex(KodexConfig(), LAYOUT)
@@ -114,13 +114,13 @@ def test_what_is_stored_gives_the_same_motions(noisy):
 
 
 @pytest.mark.parametrize("ask", ["parameters", "diagnostics", "rollout"])
-def test_before_a_fit_there_is_no_answer(ask):
+def test_a_call_before_fit_raises_not_fitted_error(ask):
     arguments = (np.zeros((1, 5)), 3) if ask == "rollout" else ()
     with pytest.raises(NotFittedError, match="call fit or load"):
         getattr(Kodex(KodexConfig(), LAYOUT), ask)(*arguments)
 
 
-def test_directions_below_the_cutoff_are_left_out():
+def test_directions_below_the_cutoff_are_ignored():
     rng = generator("cutoff")
     before = rng.standard_normal((200, 4)) * [1, 1, 1, 1e-7]
     after = before[:, ::-1]
@@ -128,7 +128,7 @@ def test_directions_below_the_cutoff_are_left_out():
     assert solve_koopman(before, after, cutoff=1e-2)[0, 3] == pytest.approx(1, rel=1e-6)
 
 
-def test_demonstrations_in_single_precision_give_the_operator_of_double(noisy):
+def test_demonstrations_in_single_precision_are_used_in_double(noisy):
     single = make_demos(noisy.states.astype(np.float32))
     double = make_demos(noisy.states.astype(np.float32).astype(np.float64))
     np.testing.assert_array_equal(fitted(single).koopman, fitted(double).koopman)
@@ -143,6 +143,6 @@ def test_demonstrations_in_single_precision_give_the_operator_of_double(noisy):
         (np.ones(4), np.ones(4), r"got \(4,\) and \(4,\)"),
     ],
 )
-def test_pairs_that_cannot_be_solved_for_are_refused(before, after, answer):
+def test_pairs_of_a_wrong_shape_or_type_are_refused(before, after, answer):
     with pytest.raises(InputError, match=answer):
         solve_koopman(before, after)

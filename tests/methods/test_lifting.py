@@ -24,14 +24,14 @@ TABLE_11 = {
 
 @pytest.mark.parametrize("task", TABLE_11)
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_a_set_has_as_many_observables_as_table_11_says(task, number):
+def test_sets_have_the_numbers_of_observables_in_table_11(task, number):
     n, m = DIMENSIONS[task]
     lifted = lift(np.ones((1, n + m)), n, get_observables(number))
     assert lifted.shape == (1, TABLE_11[task][number - 1])
 
 
 def by_double_loop(number, x_r, x_o):
-    """Appendix J, read literally: every product once, as a multiset of values."""
+    """Appendix J, literally: every product once, as a multiset of values."""
     psi = []
     for x, in_robot in ((x_r, True), (x_o, False)):
         n = len(x)
@@ -51,7 +51,7 @@ def by_double_loop(number, x_r, x_o):
 
 
 @pytest.mark.parametrize("number", SETS)
-def test_observables_are_those_of_a_naive_double_loop(number):
+def test_observables_match_a_naive_double_loop(number):
     rng = generator("lifting", number)
     state = rng.standard_normal((3, 2, 9))
     lifted = lift(state, 5, get_observables(number))
@@ -65,7 +65,7 @@ def sines(x_r, x_o):
     return np.sin(np.concatenate([x_r, x_o], axis=-1))
 
 
-def test_observables_may_be_a_callable_or_its_import_path():
+def test_observables_can_be_a_callable_or_an_import_path():
     state = np.arange(6.0).reshape(2, 3)
     expected = np.concatenate([state, np.sin(state)], axis=1)
     np.testing.assert_array_equal(lift(state, 2, get_observables(sines)), expected)
@@ -89,7 +89,7 @@ def test_unknown_observables_are_refused(chosen, answer):
 @pytest.mark.parametrize(
     "text", ["raise SystemExit(3)", "1 / 0", "x = (", "def __getattr__(name): raise OSError(name)"]
 )
-def test_observables_that_cannot_be_imported_say_why(tmp_path, monkeypatch, text):
+def test_a_failed_import_of_observables_is_reported_with_its_reason(tmp_path, monkeypatch, text):
     (tmp_path / "broken_observables.py").write_text(text)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "broken_observables", raising=False)
@@ -111,7 +111,7 @@ def test_states_and_observables_that_are_not_real_are_refused(dtype):
         lift(state, 2, lambda x_r, x_o: x_r.astype(dtype))
 
 
-def test_states_in_single_precision_are_lifted_in_double():
+def test_states_in_single_precision_are_lifted_in_double_precision():
     state = np.float32(generator("single").standard_normal((4, 5)))
     lifted = lift(state, 2, get_observables(1))
     assert lifted.dtype == np.float64

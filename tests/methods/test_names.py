@@ -7,7 +7,7 @@ from tasks.errors import InputError
 
 
 @pytest.mark.parametrize("name", ["mine", "bc", "a", "x" * 40, "method_2", "numpy", "match"])
-def test_a_plain_word_is_a_name_of_a_method(name):
+def test_a_plain_word_is_a_valid_method_name(name):
     check_method_name(name)
 
 
@@ -33,25 +33,25 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", [*BAD.values(), *RESERVED], ids=[*BAD, *RESERVED])
-def test_what_is_no_name_of_a_method_is_refused(name):
+def test_an_invalid_method_name_is_refused(name):
     with pytest.raises(InputError, match="a method cannot be called") as refused:
         check_method_name(name)
     assert str(refused.value).isprintable()
     assert len(str(refused.value)) < 200
 
 
-def test_a_name_that_is_taken_is_refused():
+def test_a_method_name_in_use_is_refused():
     with pytest.raises(InputError, match="'nn': there is a method"):
         check_method_name("nn", ["kodex", "nn"])
 
 
 @pytest.mark.parametrize("name", ["numpy", "torch", "pytest"])
-def test_a_new_method_has_no_name_of_an_installed_module(name):
+def test_the_name_of_an_installed_module_is_refused_for_a_new_method(name):
     with pytest.raises(InputError, match=f"'{name}': a module of that name is installed"):
         check_new_name(name, [])
 
 
-def test_a_folder_on_the_path_does_not_take_a_name(tmp_path, monkeypatch):
+def test_the_name_of_a_plain_folder_is_allowed_for_a_new_method(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     monkeypatch.syspath_prepend(str(tmp_path))
     check_new_name("mine", [])
@@ -59,18 +59,18 @@ def test_a_folder_on_the_path_does_not_take_a_name(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("kind", ["size", "variant"])
 @pytest.mark.parametrize("name", ["single", "1.5M", "set_1", "C++", "x" * 40])
-def test_a_word_is_a_label(kind, name):
+def test_a_plain_word_is_a_valid_label(kind, name):
     check_label(kind, name)
 
 
 @pytest.mark.parametrize("name", ["w/o", "", ".", "..", "+x", "_x", "a b", "a-b", "é", "x" * 41, 3])
-def test_what_is_no_label_is_refused(name):
+def test_an_invalid_label_is_refused(name):
     with pytest.raises(InputError, match="a size cannot be called"):
         check_label("size", name)
 
 
 @pytest.mark.parametrize("name", ["kodex", "nn", "lstm", "ndp", "ngf"])
-def test_the_suites_own_labels_are_allowed(name):
+def test_the_labels_of_built_in_methods_are_valid(name):
     method = get_method(name)
     for kind, names in (("size", method.sizes), ("variant", method.variants)):
         for one in names:

@@ -1,4 +1,4 @@
-"""Methods of packages: folders on the path, with what pip would have noted of them."""
+"""Methods of packages: folders on the path with the metadata that pip would write."""
 
 import importlib
 import json
@@ -22,7 +22,7 @@ class {0}(Kodex):
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
-    """Installs a package with some entry points, and its modules by name."""
+    """Installs a package with entry points and modules."""
     monkeypatch.syspath_prepend(str(tmp_path))
     made = []
 
@@ -43,7 +43,7 @@ def install(tmp_path, monkeypatch):
         sys.modules.pop(name, None)
 
 
-def test_a_method_of_a_package_stands_beside_those_of_the_suite(install):
+def test_a_method_of_a_package_is_listed_after_those_of_the_suite(install):
     install("good", "good = good:Good", good=METHOD.format("Good", "good"))
     assert method_names() == ["kodex", "nn", "lstm", "ndp", "ngf", "good"]
     assert get_method("good").name == "good"
@@ -79,7 +79,7 @@ def test_a_package_does_not_replace_a_method_of_the_suite(install, bench, monkey
     assert "the suite's own is used" in error
 
 
-def test_two_packages_with_one_name_are_both_named(install):
+def test_two_packages_with_the_same_method_are_both_named(install):
     install("first", "same = first:Same", first=METHOD.format("Same", "same"))
     install("second", "same = second:Same", second=METHOD.format("Same", "same"))
     assert "same" not in method_names()
@@ -102,7 +102,7 @@ def test_two_packages_with_one_name_are_both_named(install):
         ),
     ],
 )
-def test_a_method_that_cannot_be_imported_says_why_in_one_line(install, bench, text, answer):
+def test_a_failed_import_of_a_method_is_reported_in_one_line(install, bench, text, answer):
     install("evil", "broken = broken:Broken", broken=text)
     with pytest.raises(
         MethodError, match=rf"'broken' \(broken:Broken\) of evil cannot be imported: {answer};"
@@ -139,13 +139,13 @@ def test_a_method_that_cannot_be_imported_says_why_in_one_line(install, bench, t
         ("nowhere:Bad", "", "imported: ModuleNotFoundError"),
     ],
 )
-def test_what_is_no_method_of_that_name_is_refused(install, value, text, answer):
+def test_an_entry_point_that_is_not_a_valid_method_is_refused(install, value, text, answer):
     install("evil", f"bad = {value}", bad=text)
     with pytest.raises(MethodError, match=rf"method 'bad' \({value}\) of evil cannot be {answer}"):
         get_method("bad")
 
 
-def test_doctor_names_what_cannot_be_used(install, bench):
+def test_doctor_lists_unusable_methods(install, bench):
     install("evil", "expert = evil:Evil", evil=METHOD.format("Evil", "expert"))
     rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
     assert rows["method 'expert'"]["found"] == "unusable"
@@ -153,7 +153,7 @@ def test_doctor_names_what_cannot_be_used(install, bench):
 
 
 @pytest.mark.parametrize("points", ["nonsense", "\xff = a:b"])
-def test_entry_points_that_cannot_be_read_are_left_out(install, bench, points):
+def test_unreadable_entry_points_are_left_out(install, bench, points):
     install("evil", points)
     install("good", "good = good:Good", good=METHOD.format("Good", "good"))
     assert method_names()[-1] == "good"
@@ -161,6 +161,6 @@ def test_entry_points_that_cannot_be_read_are_left_out(install, bench, points):
     assert "cannot be read" in rows["package 'evil'"]["advice"]
 
 
-def test_a_method_that_no_package_brings_is_answered_with_the_nearest():
+def test_an_unknown_method_is_refused_with_the_nearest_name():
     with pytest.raises(InputError, match="did you mean 'kodex'"):
         get_method("kodx")

@@ -16,9 +16,9 @@ from reports.starts import summary as halves
 from reports.success_over_time import summary as half_times
 from reports.success_over_time import table as over_time
 from tasks.base import DIVERGED
-from tasks.demos import record
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.recorder import record
 from tasks.registry import TASKS, get_task
 
 STARTS = 7

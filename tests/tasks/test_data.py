@@ -1,4 +1,4 @@
-"""What arrays of a caller are accepted, and as what."""
+"""Which arrays are accepted, and how they are converted."""
 
 import numpy as np
 import pytest
@@ -47,12 +47,12 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("values", "kind"), REFUSED.values(), ids=REFUSED)
-def test_what_is_not_real_is_refused_by_its_name_and_type(values, kind):
+def test_values_that_are_not_real_are_refused_with_name_and_type(values, kind):
     with pytest.raises(InputError, match=f"my array.*{kind}"):
         real("my array", values)
 
 
-def test_a_long_double_beyond_float64_is_infinite():
+def test_a_long_double_beyond_float64_becomes_infinite():
     assert real("values", np.array([np.longdouble("1e4000")])).tolist() == [np.inf]
 
 
@@ -64,18 +64,18 @@ def test_whole_numbers_become_int64(values):
 
 
 @pytest.mark.parametrize("bad", [0.5, -1, np.nan, np.inf, 2.0**53, 2**64 - 1, "1", 1j])
-def test_what_is_no_whole_number_from_0_is_refused(bad):
+def test_values_that_are_not_whole_numbers_from_0_are_refused(bad):
     with pytest.raises(InputError, match="indices"):
         whole("indices", np.array([bad]))
 
 
 @pytest.mark.parametrize("index", [[0.5, 1], [-1, 0], ["0", "1"]])
-def test_starts_have_indices_from_0(index):
+def test_starts_with_invalid_indices_are_refused(index):
     with pytest.raises(InputError, match="indices of starts of door/test"):
         Starts("door", "test", np.array(index), np.zeros((2, 3)))
 
 
-def test_starts_are_converted():
+def test_arrays_of_starts_are_converted():
     starts = Starts("door", "test", np.array([0.0, 1.0]), np.ones((2, 3), np.float32))
     assert (starts.index.dtype, starts.values.dtype) == (np.int64, np.float64)
 
@@ -93,7 +93,7 @@ def arrays(dtype=np.float64):
 STARTS = Starts("door", "demo", np.arange(2), np.zeros((2, 3)))
 
 
-def test_demonstrations_are_converted():
+def test_arrays_of_demonstrations_are_converted():
     demos = Demos(STARTS, **arrays(">f4"))
     assert {array.dtype for array in (demos.states, demos.velocities, demos.actions)} == {
         np.dtype(np.float64)
@@ -110,7 +110,7 @@ def test_demonstrations_that_are_not_real_are_refused(name, dtype):
 
 
 @pytest.mark.parametrize("value", [1.5, -50.0, np.nextafter(1, 2)])
-def test_an_action_out_of_range_is_named_with_what_is_allowed(value):
+def test_an_action_out_of_range_is_refused_with_the_allowed_range(value):
     given = arrays()
     given["actions"][1, 2, 3] = value
     answer = rf"actions of demonstration 1 must lie in \[-1, 1\], got {value:g}"

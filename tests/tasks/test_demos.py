@@ -1,20 +1,24 @@
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from safetensors.numpy import save
 
 from tasks import demos, experts
+from tasks.cache import cache_folder
 from tasks.data import Demos, UnclippedDemos, key
+from tasks.demos_files import save_demos, task_of
 from tasks.errors import InputError
+from tasks.recorder import Recorder, make_demos, record
 from tasks.registry import get_task
 from tasks.simulator import Simulator, rollout
 
 TRAINING, VALIDATION = 6, 2
 
 
-def test_an_expert_is_tanh_layers_over_normalised_inputs(task, shipped):
+def test_an_expert_applies_tanh_layers_to_normalised_inputs(task, shipped):
     simulator = Simulator(task, task.sample("probe", 3))
     actions = experts.load_expert(task).policy.act(simulator, 0)
     for row, seen in enumerate(experts.expert_input(simulator)):
@@ -27,7 +31,7 @@ def test_an_expert_is_tanh_layers_over_normalised_inputs(task, shipped):
         )
 
 
-def test_weights_that_are_not_those_of_the_card_are_refused(task, shipped, tmp_path):
+def test_weights_that_do_not_match_their_card_are_refused(task, shipped, tmp_path):
     path = tmp_path / "experts" / f"{task.name}.safetensors"
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
@@ -36,7 +40,7 @@ def test_weights_that_are_not_those_of_the_card_are_refused(task, shipped, tmp_p
         experts.load_expert(task)
 
 
-def test_a_task_without_an_expert_says_which_there_are(task, tmp_path, monkeypatch):
+def test_a_task_without_an_expert_lists_the_shipped_experts(task, tmp_path, monkeypatch):
     monkeypatch.setattr(experts, "SHIPPED", tmp_path)
     (tmp_path / "other.json").touch()
     with pytest.raises(InputError, match=f"task '{task.name}'; shipped are: other"):
@@ -54,16 +58,16 @@ def test_demonstrations_are_the_first_successes_of_the_expert(task, shipped):
     assert np.abs(made.actions).max() <= 1
 
 
-def test_raw_actions_are_the_clipped_ones_before_clipping(task, shipped):
+def test_raw_actions_equal_the_recorded_ones_after_clipping(task, shipped):
     starts, expert = task.sample("demo", 5), experts.load_expert(task).policy
-    (_, clipped), (_, raw) = (demos.record(task, starts, expert, raw=raw) for raw in (False, True))
+    (_, clipped), (_, raw) = (record(task, starts, expert, raw=raw) for raw in (False, True))
     np.testing.assert_array_equal(np.clip(raw.actions, -1, 1), clipped.actions)
     np.testing.assert_array_equal(raw.states, clipped.states)
     assert np.abs(raw.actions).max() > 1
     assert (type(raw), type(clipped)) == (UnclippedDemos, Demos)
 
 
-def test_recorded_actions_played_back_give_the_recorded_states(task, shipped):
+def test_replaying_recorded_actions_gives_the_recorded_states(task, shipped):
     made = demos.load_demos(task)
     simulator = Simulator(task, made.starts)
     for step in range(task.horizon - 1):
@@ -74,7 +78,7 @@ def test_recorded_actions_played_back_give_the_recorded_states(task, shipped):
     np.testing.assert_array_equal(simulator.state(), made.states[:, -1])
 
 
-def test_the_cache_holds_the_same_bytes_as_a_new_making(task, shipped):
+def test_cached_demonstrations_are_reused_and_reproducible(task, shipped):
     first = demos.load_demos(task)
     path = demos.demos_path(task)
     data = path.read_bytes()
@@ -85,12 +89,12 @@ def test_the_cache_holds_the_same_bytes_as_a_new_making(task, shipped):
     path.unlink()
     demos.load_demos(task)
     assert path.read_bytes() == data
-    part = demos.make_demos(task, experts.load_expert(task).policy, 3, threads=1)
+    part = make_demos(task, experts.load_expert(task).policy, 3, threads=1)
     np.testing.assert_array_equal(part.states, first[:3].states)
 
 
 @pytest.mark.parametrize("position", [0, 100, -1])
-def test_a_flipped_byte_is_noticed_and_made_anew(task, shipped, position, capsys):
+def test_demonstrations_with_a_flipped_byte_are_made_again(task, shipped, position, capsys):
     demos.load_demos(task)
     path = demos.demos_path(task)
     sound = path.read_bytes()
@@ -102,7 +106,7 @@ def test_a_flipped_byte_is_noticed_and_made_anew(task, shipped, position, capsys
     assert "damaged" in capsys.readouterr().err
 
 
-def test_damage_to_the_digest_is_noticed_and_made_anew(task, shipped, capsys):
+def test_demonstrations_with_a_damaged_digest_are_made_again(task, shipped, capsys):
     demos.load_demos(task)
     path = demos.demos_path(task)
     digest = path.with_name(f"{path.name}.sha256")
@@ -113,7 +117,7 @@ def test_damage_to_the_digest_is_noticed_and_made_anew(task, shipped, capsys):
     assert "made anew" in capsys.readouterr().err
 
 
-def test_demonstrations_without_their_digest_are_made_anew(task, shipped, capsys):
+def test_demonstrations_without_their_digest_are_made_again(task, shipped, capsys):
     demos.load_demos(task)
     path = demos.demos_path(task)
     data = path.read_bytes()
@@ -123,17 +127,17 @@ def test_demonstrations_without_their_digest_are_made_anew(task, shipped, capsys
     assert "lacks its SHA-256" in capsys.readouterr().err
 
 
-def test_files_that_differ_in_their_ending_alone_are_both_read(task, shipped, tmp_path):
+def test_files_that_differ_only_in_their_suffix_are_both_read(task, shipped, tmp_path):
     made = demos.load_demos(task)
     files = [tmp_path / name for name in ("mine.human", "mine.cloned")]
-    demos.save_demos(made[:5], files[0])
-    demos.save_demos(made, files[1])
+    save_demos(made[:5], files[0])
+    save_demos(made, files[1])
     found = [demos.load_demos(task, demos.adopt_demos(task, file)) for file in files]
     assert list(map(len, found)) == [5, 8]
 
 
 def write_file(path, made, **changes):
-    """Writes a file as `save_demos` does, with other arrays; its SHA-256 is right."""
+    """Writes a file like `save_demos`, with some arrays changed and the right SHA-256."""
     arrays = {
         "states": made.states,
         "velocities": made.velocities,
@@ -148,7 +152,7 @@ def write_file(path, made, **changes):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_file_in_single_precision_is_learnt_from_in_double(task, shipped, tmp_path):
+def test_a_file_in_single_precision_is_converted_to_double(task, shipped, tmp_path):
     made = demos.load_demos(task)
     write_file(tmp_path / "mine", made, states=made.states.astype(np.float32))
     recipe = demos.adopt_demos(task, tmp_path / "mine")
@@ -159,21 +163,21 @@ def test_a_file_in_single_precision_is_learnt_from_in_double(task, shipped, tmp_
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_key_of_a_file_is_that_of_its_arrays(task, shipped, tmp_path):
-    """Files of earlier versions, which do not name their task, keep their results."""
+def test_the_key_of_a_file_depends_only_on_its_arrays(task, shipped, tmp_path):
+    """The label with the task's name is optional."""
     made = demos.load_demos(task)
-    demos.save_demos(made, tmp_path / "mine")
+    save_demos(made, tmp_path / "mine")
     write_file(tmp_path / "nameless", made)
     digest = hashlib.sha256((tmp_path / "nameless").read_bytes()).hexdigest()
-    assert demos.task_of(tmp_path / "mine") == "door"
-    assert demos.task_of(tmp_path / "nameless") == ""
+    assert task_of(tmp_path / "mine") == "door"
+    assert task_of(tmp_path / "nameless") == ""
     for name in ("mine", "nameless"):
         assert demos.adopt_demos(task, tmp_path / name) == key("demos file", digest)
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_file_of_another_task_is_refused_by_its_name(task, shipped, tmp_path):
-    demos.save_demos(demos.load_demos(task), tmp_path / "mine")
+def test_a_file_of_another_task_is_refused(task, shipped, tmp_path):
+    save_demos(demos.load_demos(task), tmp_path / "mine")
     with pytest.raises(InputError, match=r"mine holds demonstrations of door, not of relocation"):
         demos.read_demos(get_task("relocation"), tmp_path / "mine")
 
@@ -189,10 +193,10 @@ def test_a_file_of_another_task_is_refused_by_its_name(task, shipped, tmp_path):
         ("start_values", lambda a: a + 100, "allowed is"),
         ("velocities", lambda a: a[:, :-1], "got shapes"),
         ("states", lambda a: a[..., :-1], "in each demonstration, got"),
-        ("actions", lambda a: None, "holds no demonstrations: it lacks actions; such a file"),
+        ("actions", lambda a: None, "does not hold demonstrations: it lacks actions; such a file"),
     ],
 )
-def test_what_a_file_must_not_hold_is_refused_with_its_name(
+def test_invalid_contents_of_a_file_are_refused_with_its_name(
     task, shipped, tmp_path, name, change, answer
 ):
     made = demos.load_demos(task)
@@ -210,7 +214,7 @@ def refuse(*arguments, **options):
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize("harm", ["cache is a file", "folder is a file", "no permission", "/proc"])
-def test_a_cache_that_cannot_be_written_to_is_refused_before_the_work(
+def test_an_unwritable_cache_is_reported_before_demonstrations_are_made(
     task, shipped, tmp_path, monkeypatch, harm
 ):
     cache = tmp_path / "cache"
@@ -230,46 +234,46 @@ def test_a_cache_that_cannot_be_written_to_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_cache_that_can_only_be_read_is_read(task, shipped, monkeypatch):
+def test_a_read_only_cache_can_be_read(task, shipped, monkeypatch):
     made = demos.load_demos(task)
     monkeypatch.setattr("tasks.files.TemporaryFile", refuse)
     np.testing.assert_array_equal(demos.load_demos(task).states, made.states)
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_cache_that_cannot_be_read_is_named(task, shipped):
+def test_an_unreadable_file_in_the_cache_is_named(task, shipped):
     demos.demos_path(task).mkdir(parents=True)
     with pytest.raises(InputError, match=rf"{demos.demos_path(task)} cannot be read"):
         demos.load_demos(task)
 
 
-def test_a_user_without_a_home_is_told_of_the_cache(monkeypatch):
+def test_a_user_without_a_home_folder_is_told_to_set_bench_cache(monkeypatch):
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
     for name in ("BENCH_CACHE", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(demos.Path, "home", homeless)
+    monkeypatch.setattr(Path, "home", homeless)
     with pytest.raises(InputError, match=r"no home folder .* BENCH_CACHE"):
-        demos.cache_folder()
+        cache_folder()
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_demonstrations_that_cannot_be_written_leave_nothing(task, shipped, tmp_path, monkeypatch):
+def test_a_failed_write_of_demonstrations_leaves_nothing(task, shipped, tmp_path, monkeypatch):
     made = demos.load_demos(task)
     monkeypatch.setattr("tasks.files.os.fsync", refuse)
     with pytest.raises(PermissionError):
-        demos.save_demos(made, tmp_path / "new" / "mine")
+        save_demos(made, tmp_path / "new" / "mine")
     assert not (tmp_path / "new").exists()
 
 
-def test_an_expert_that_fails_makes_no_demonstrations(task, shipped, monkeypatch):
+def test_an_expert_that_always_fails_is_refused(task, shipped, monkeypatch):
     monkeypatch.setattr(type(task), "success", lambda self, r: np.zeros(len(r), bool))
     with pytest.raises(InputError, match=r"succeeded in 0 of \d+ episodes"):
-        demos.make_demos(task, experts.load_expert(task).policy, 2)
+        make_demos(task, experts.load_expert(task).policy, 2)
 
 
-def test_other_weights_are_other_demonstrations(task, shipped, tmp_path):
+def test_other_weights_of_the_expert_give_other_demonstrations(task, shipped, tmp_path):
     before = demos.demos_path(task)
     data = save({name: 2 * values for name, values in shipped.items()})
     (tmp_path / "experts" / f"{task.name}.safetensors").write_bytes(data)
@@ -278,7 +282,7 @@ def test_other_weights_are_other_demonstrations(task, shipped, tmp_path):
     assert demos.demos_path(task) != before
 
 
-def test_demonstrations_of_disagreeing_shapes_are_refused(task):
+def test_demonstrations_with_mismatched_shapes_are_refused(task):
     starts = task.sample("demo", 2)
     states, velocities = np.zeros((2, 4, 9)), np.zeros((2, 4, 5))
     Demos(starts, states, velocities, np.zeros((2, 3, 5)))
@@ -292,9 +296,9 @@ def test_demonstrations_of_disagreeing_shapes_are_refused(task):
         Demos(starts, states, velocities, np.zeros((2, 3, 5)))
 
 
-def test_recording_changes_nothing(task, shipped):
+def test_recording_does_not_change_the_rollout(task, shipped):
     policy = experts.load_expert(task).policy
     starts = task.sample("demo", 4)
     plain = rollout(task, starts, policy)
-    recorded = rollout(task, starts, demos.Recorder(policy))
+    recorded = rollout(task, starts, Recorder(policy))
     np.testing.assert_array_equal(plain.readings, recorded.readings)

@@ -15,7 +15,7 @@ def caught(call, *arguments):
 
 @pytest.fixture
 def module(tmp_path, monkeypatch):
-    """Writes a module, and returns what importing it raises."""
+    """Writes a module and returns the error that its import raises."""
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def write(text, file="broken_module.py"):
@@ -28,7 +28,7 @@ def module(tmp_path, monkeypatch):
     return write
 
 
-def test_an_error_is_described_with_the_place_that_raised_it():
+def test_an_error_is_described_with_its_place():
     def fit():
         {}["x"]
 
@@ -47,16 +47,16 @@ def test_an_error_is_described_with_the_place_that_raised_it():
         ("def f():\n  1 / 0\nf()", "ZeroDivisionError: division by zero (broken_module.py:2 in f)"),
     ],
 )
-def test_a_failed_import_is_described_with_the_line_of_the_module(module, text, line):
+def test_a_failed_import_is_described_with_the_module_and_line(module, text, line):
     assert described(module(text)) == line
 
 
-def test_a_package_is_named_with_its_folder(module):
+def test_an_error_in_a_package_is_described_with_its_folder(module):
     error = module("raise ValueError(1)", "broken_module/__init__.py")
     assert described(error) == "ValueError: 1 (broken_module/__init__.py:1)"
 
 
-def test_a_caller_of_importlib_is_not_the_place():
+def test_frames_of_importlib_are_not_the_place():
     error = caught(importlib.import_module, "nowhere")
     assert described(error) == "ModuleNotFoundError: No module named 'nowhere'"
 
@@ -82,7 +82,7 @@ def test_a_long_message_is_cut_and_keeps_the_place(error):
 
 
 class OddError(Exception):
-    """An error whose own text cannot be had."""
+    """An error whose message raises, or is not a plain text."""
 
     def __init__(self, raised):
         self.raised = raised
@@ -101,20 +101,20 @@ class Text(str):
 
 
 @pytest.mark.parametrize("raised", [SystemExit(1), KeyboardInterrupt(), RecursionError(), 3])
-def test_an_error_whose_text_cannot_be_had_is_described_without_it(raised):
+def test_an_error_whose_message_raises_is_described_without_it(raised):
     assert described(OddError(raised)) == "OddError: its message cannot be shown"
 
 
-def test_a_text_that_is_not_a_plain_one_is_described():
+def test_a_message_of_a_str_subclass_is_described():
     assert described(OddError(Text("plain"))) == "OddError: plain"
 
 
-def test_a_syntax_error_without_a_file_or_with_odd_ones_is_described():
+def test_a_syntax_error_without_a_valid_file_is_described():
     assert described(SyntaxError("alone")) == "SyntaxError: alone"
     error = SyntaxError("odd")
     error.filename, error.lineno = object(), 3
     assert described(error) == "SyntaxError: odd"
 
 
-def test_a_name_that_is_not_printable_is_escaped():
+def test_an_unprintable_class_name_is_escaped():
     assert described(type("A\nB", (Exception,), {})("x")) == r"A\nB: x"

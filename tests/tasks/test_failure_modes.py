@@ -1,4 +1,4 @@
-"""How an episode failed: recordings with known answers, and what holds for any recording."""
+"""Failure modes: recordings with known modes, and properties of every recording."""
 
 import mujoco
 import numpy as np
@@ -24,7 +24,7 @@ def episodes(task, readings, diverged=None):
 
 
 def mode(task, readings, *watched, diverged=False):
-    """The failure mode of one episode; recordings shorter than it keep their last value."""
+    """Returns the failure mode of one episode; pads short recordings with their last value."""
     full = [np.pad(np.asarray(one, float), (0, task.steps - len(one)), "edge") for one in watched]
     ended = np.pad(
         np.asarray(readings, float),
@@ -36,7 +36,7 @@ def mode(task, readings, *watched, diverged=False):
     return str(task.modes(found, np.stack(full, axis=-1)[None])[0])
 
 
-def test_door_modes():
+def test_door_failure_modes():
     door = get_task("door")
     assert mode(door, [0.0, 1.4], [0.0, 1.9], [0.05, 0.4]) == ""
     assert mode(door, [0.0, 0.1], [0.0, 1.1], [0.05, 0.05]) == "latch not turned"
@@ -46,7 +46,7 @@ def test_door_modes():
     assert mode(door, [0.0, np.nan], [0.0, np.nan], [0.1, np.nan], diverged=True) == DIVERGED
 
 
-def test_tool_modes():
+def test_tool_failure_modes():
     tool = get_task("tool")
     assert mode(tool, [0.09, 0.005], [0.03, 0.2]) == ""
     assert mode(tool, [0.09, 0.0905], [0.03, 0.03]) == "nail not reached"
@@ -55,7 +55,7 @@ def test_tool_modes():
     assert mode(tool, [0.09, 0.05], [0.03, 0.045, 0.03]) == "not driven far enough"
 
 
-def test_relocation_modes():
+def test_relocation_failure_modes():
     relocation = get_task("relocation")
     assert mode(relocation, [0.3, 0.05], [0.03, 0.2]) == ""
     assert mode(relocation, [0.3], [0.035, 0.06, 0.035]) == "not lifted"
@@ -64,18 +64,18 @@ def test_relocation_modes():
     assert mode(relocation, [0.3, *[0.05] * 10, 0.3], [0.035, 0.2]) == "not kept there"
 
 
-def test_reorientation_modes():
+def test_reorientation_failure_modes():
     reorientation = get_task("reorientation")
     assert mode(reorientation, [0.3, 0.95], [0.0]) == ""
     assert mode(reorientation, [0.3], [0.0, -0.2, 0.0]) == "dropped"
     assert mode(reorientation, [0.3, 0.9], [0.0]) == "not turned"
     assert mode(reorientation, [0.3, 0.95, 0.3], [0.0]) == "left again"
     assert mode(reorientation, [*[0.3] * 98, 0.95], [0.0]) == "turned too late"
-    early = [*[0.3] * 90, 0.95, np.nan]  # it ended there: ten steps would not suffice
+    early = [*[0.3] * 90, 0.95, np.nan]  # ended early: ten more steps would not suffice
     assert mode(reorientation, early, [0.0]) == "turned too late"
 
 
-def test_published_reorientation_also_asks_for_a_pen_at_rest():
+def test_published_reorientation_requires_a_pen_at_rest():
     published = get_task("reorientation", "published")
     assert mode(published, [0.95] * 98 + [0.95 - 4], [0.0]) == "not settled at the end"
     assert mode(published, [0.3], [0.0]) == "not turned"
@@ -84,7 +84,7 @@ def test_published_reorientation_also_asks_for_a_pen_at_rest():
 
 @pytest.mark.parametrize(("name", "rule"), RULES)
 @given(data=st.data())
-def test_an_episode_has_a_mode_if_and_only_if_it_failed(name, rule, data):
+def test_an_episode_has_a_failure_mode_if_and_only_if_it_failed(name, rule, data):
     task = get_task(name, rule)
     near = {"tool": 0.01, "door": 1.35, "relocation": 0.1, "reorientation": 0.9}[name]
     values = st.one_of(st.floats(-4, 2), st.floats(near - 0.01, near + 0.01))
@@ -102,7 +102,7 @@ def test_an_episode_has_a_mode_if_and_only_if_it_failed(name, rule, data):
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_what_is_watched_is_what_the_model_says(name):
+def test_watched_quantities_match_the_model(name):
     task = get_task(name)
     simulator = Simulator(task, task.sample("test", 3))
     simulator.step(generator("watched", name).uniform(-1, 1, (3, task.layout.action_dim)))
@@ -124,7 +124,7 @@ def distance(data, one, other):
 
 
 @pytest.mark.parametrize(("held", "opens"), [(RELEASE_ANGLE - 0.1, False), (1.3, True)])
-def test_a_door_can_be_pulled_open_only_with_its_latch_past_the_release_angle(held, opens):
+def test_the_door_opens_only_with_the_latch_past_the_release_angle(held, opens):
     model = get_task("door").model
     data = mujoco.MjData(model)
     hinge, latch = model.joint("door_hinge"), model.joint("latch")
@@ -143,7 +143,7 @@ def test_a_door_can_be_pulled_open_only_with_its_latch_past_the_release_angle(he
         ("relocation", "not lifted"),
     ],
 )
-def test_a_hand_at_rest_does_nothing(name, expected):
+def test_a_hand_at_rest_has_the_first_failure_mode(name, expected):
     task = get_task(name)
 
     class Rest:
@@ -159,7 +159,7 @@ def test_a_hand_at_rest_does_nothing(name, expected):
     assert set(task.modes(found, np.stack(rest.watched, axis=1))) == {expected}
 
 
-def test_a_task_without_modes_of_its_own_has_one():
+def test_a_task_without_failure_modes_has_a_default_one():
     class Plain(type(get_task("door"))):
         watched = ()
         failure_modes = ("rule not met",)

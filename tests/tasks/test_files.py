@@ -17,7 +17,7 @@ def everything(folder):
 
 @pytest.fixture
 def unwritable(tmp_path, monkeypatch):
-    """A folder that the machine lets nobody write to."""
+    """A folder that cannot be written to."""
 
     def refuse(*arguments, **options):
         raise PermissionError(13, "Permission denied")
@@ -28,7 +28,7 @@ def unwritable(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("find", FINDERS)
 @pytest.mark.parametrize("name", ["new", "a/b/new"])
-def test_a_place_that_can_be_written_to_is_returned_as_found(tmp_path, find, name):
+def test_checking_a_writable_path_creates_nothing(tmp_path, find, name):
     assert find(tmp_path / name) == tmp_path / name
     assert everything(tmp_path) == []
 
@@ -40,14 +40,14 @@ def test_a_file_in_the_way_is_named(tmp_path, find):
         find(tmp_path / "file" / "a" / "b")
 
 
-def test_a_link_to_nothing_is_in_the_way_of_a_folder(tmp_path):
+def test_a_broken_link_is_in_the_way_of_a_folder(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     with pytest.raises(InputError, match="link is no folder"):
         writable_folder(tmp_path / "link")
 
 
 @pytest.mark.parametrize("find", FINDERS)
-def test_a_place_without_permission_is_named(unwritable, find):
+def test_a_path_without_permission_is_named(unwritable, find):
     answer = rf"{unwritable}/?\w*' cannot be written to \(Permission denied\): choose another"
     with pytest.raises(InputError, match=answer):
         find(unwritable / "new")
@@ -55,12 +55,12 @@ def test_a_place_without_permission_is_named(unwritable, find):
 
 @pytest.mark.parametrize("find", FINDERS)
 @pytest.mark.parametrize("name", ["/proc/new/new", "x" * 300, "a\0b/c"])
-def test_a_place_that_cannot_be_is_refused(tmp_path, find, name):
+def test_an_impossible_path_is_refused(tmp_path, find, name):
     with pytest.raises(InputError, match="cannot be written to"):
         find(tmp_path / name)
 
 
-def test_a_folder_is_not_replaced_by_a_file(tmp_path):
+def test_a_folder_or_device_is_not_replaced_by_a_file(tmp_path):
     with pytest.raises(InputError, match="is no file"):
         writable_file(tmp_path)
     with pytest.raises(InputError, match="is no file"):
@@ -68,13 +68,13 @@ def test_a_folder_is_not_replaced_by_a_file(tmp_path):
 
 
 @pytest.mark.parametrize("make", [lambda path: path.touch(), lambda path: path.mkdir()])
-def test_what_is_there_is_no_new_path(tmp_path, make):
+def test_an_existing_path_is_refused_as_a_new_path(tmp_path, make):
     make(tmp_path / "old")
     with pytest.raises(InputError, match="old exists already"):
         new_path(tmp_path / "old")
 
 
-def test_a_whole_file_replaces_another(tmp_path):
+def test_a_whole_file_replaces_an_older_one(tmp_path):
     target = tmp_path / "a" / "file.txt"
     for text in ("first", "second"):
         with whole_file(target) as path:
@@ -84,7 +84,7 @@ def test_a_whole_file_replaces_another(tmp_path):
     assert everything(tmp_path) == ["a", "a/file.txt"]
 
 
-def test_a_whole_file_has_the_permissions_of_any_other(tmp_path):
+def test_a_whole_file_has_default_permissions(tmp_path):
     (tmp_path / "other").touch()
     with whole_file(tmp_path / "file") as path:
         path.write_text("text")
@@ -92,7 +92,7 @@ def test_a_whole_file_has_the_permissions_of_any_other(tmp_path):
     assert len(modes) == 1
 
 
-def test_a_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
+def test_the_target_of_a_link_is_replaced_and_the_link_stays(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "link").symlink_to("folder/file")
     with whole_file(tmp_path / "link") as path:
@@ -101,7 +101,7 @@ def test_a_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
     assert (tmp_path / "folder" / "file").read_text() == "text"
 
 
-def test_a_file_behind_a_link_to_nothing_can_be_written(tmp_path):
+def test_a_file_can_be_written_through_a_broken_link(tmp_path):
     (tmp_path / "link").symlink_to("nothing")
     assert writable_file(tmp_path / "link") == tmp_path / "link"
 
@@ -136,14 +136,14 @@ def interrupted(write, target, begin, error):
     [(whole_file, lambda path: path.write_text("half")), (whole_folder, fill)],
     ids=["file", "folder"],
 )
-def test_a_failure_leaves_nothing(tmp_path, write, begin, error):
+def test_a_failed_write_leaves_nothing(tmp_path, write, begin, error):
     (tmp_path / "there").mkdir()
     with pytest.raises(type(error)):
         interrupted(write, tmp_path / "there" / "a" / "b" / "new", begin, error)
     assert everything(tmp_path) == ["there"]
 
 
-def test_a_failure_leaves_the_file_that_was_there(tmp_path):
+def test_a_failed_write_leaves_the_older_file(tmp_path):
     (tmp_path / "old").write_text("old")
     with pytest.raises(OSError, match="full"):
         interrupted(
@@ -158,7 +158,7 @@ def test_a_failure_leaves_the_file_that_was_there(tmp_path):
     [(whole_file, lambda path: path.write_text("text"), 2), (whole_folder, fill, 4)],
     ids=["file", "folder"],
 )
-def test_the_disk_has_everything_before_it_appears(tmp_path, monkeypatch, write, begin, count):
+def test_everything_is_synced_before_it_appears(tmp_path, monkeypatch, write, begin, count):
     synced = []
     monkeypatch.setattr("tasks.files.sync", partial(list.append, synced))
     with write(tmp_path / "new") as path:

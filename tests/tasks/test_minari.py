@@ -18,7 +18,7 @@ COUNT = 3
 
 @pytest.fixture
 def short(task, monkeypatch):
-    """Makes episodes short, and every one but the second a success."""
+    """Shortens episodes, and makes all but the second succeed."""
     monkeypatch.setattr(type(task), "horizon", 6)
     monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) != 1)
     return task
@@ -51,7 +51,7 @@ def edit(exported):
     return lambda: h5py.File(exported / "data" / "main_data.hdf5", "a")
 
 
-def test_what_is_exported_comes_back_to_the_bit(short, recorded, exported):
+def test_an_export_is_imported_bit_for_bit(short, recorded, exported):
     imported = import_demos(short, exported)
     assert imported.success.tolist() == [True, False, True]
     kept = recorded[np.array([0, 2])]
@@ -61,7 +61,7 @@ def test_what_is_exported_comes_back_to_the_bit(short, recorded, exported):
     np.testing.assert_allclose(imported.demos.starts.values, kept.starts.values, atol=1e-15)
 
 
-def test_minari_reads_what_is_exported(short, recorded, exported):
+def test_minari_reads_an_export(short, recorded, exported):
     from minari import MinariDataset
 
     dataset = MinariDataset(exported / "data")
@@ -71,7 +71,7 @@ def test_minari_reads_what_is_exported(short, recorded, exported):
         np.testing.assert_array_equal(episode.actions, recorded.actions[row])
 
 
-def test_an_initial_state_other_than_the_tasks_own_is_replayed(short, exported, edit):
+def test_an_import_replays_from_the_recorded_initial_state(short, exported, edit):
     with edit() as file:
         qpos = file["episode_0"].attrs["options/initial_state_dict/qpos"]
         qpos[3] += 0.1
@@ -80,8 +80,8 @@ def test_an_initial_state_other_than_the_tasks_own_is_replayed(short, exported, 
     assert states[0, 0, 3] == qpos[3]
 
 
-def test_a_longer_episode_in_single_precision_is_cut(short, recorded, exported, edit):
-    """The public sets have 200 steps, actions in single precision, and no start of ours."""
+def test_a_longer_episode_is_cut_to_the_horizon(short, recorded, exported, edit):
+    """Public data sets have 200 steps, actions in single precision and no index of a start."""
     with edit() as file:
         actions = np.tile(recorded.actions[0], (40, 1)).astype(np.float32)
         del file["episode_0/actions"], file["episode_0"].attrs["options/start"]
@@ -173,7 +173,7 @@ ATTACKS = {
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.__name__)
-def test_a_file_that_is_not_sound_is_refused(short, exported, edit, attack, monkeypatch):
+def test_a_malicious_or_damaged_file_is_refused(short, exported, edit, attack, monkeypatch):
     with edit() as file:
         attack(file)
     monkeypatch.chdir(exported)
@@ -184,7 +184,7 @@ def test_a_file_that_is_not_sound_is_refused(short, exported, edit, attack, monk
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_every_truncation_and_random_damage_is_refused_or_harmless(short, exported):
+def test_random_damage_is_refused_or_harmless(short, exported):
     path = exported / "data" / "main_data.hdf5"
     sound = path.read_bytes()
     rng = generator("damage")
@@ -199,7 +199,7 @@ def test_every_truncation_and_random_damage_is_refused_or_harmless(short, export
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize("total", [0, -1, 10**9, "3", None, True])
-def test_a_count_of_episodes_that_cannot_be_is_refused(short, exported, total):
+def test_an_impossible_number_of_episodes_is_refused(short, exported, total):
     path = exported / "data" / "metadata.json"
     path.write_text(json.dumps({"total_episodes": total}))
     with pytest.raises(InputError, match="total_episodes"):
@@ -218,11 +218,11 @@ def test_an_environment_named_in_the_metadata_is_not_built(short, exported):
 
 
 def test_a_folder_without_a_data_set_is_refused(short, tmp_path):
-    with pytest.raises(InputError, match="no Minari data set"):
+    with pytest.raises(InputError, match="not a Minari data set"):
         import_demos(short, tmp_path)
 
 
-def test_an_existing_folder_is_not_written_to(short, recorded, tmp_path):
+def test_an_export_to_an_existing_folder_is_refused(short, recorded, tmp_path):
     with pytest.raises(InputError, match="exists"):
         export_demos(short, recorded, tmp_path)
     assert not list(tmp_path.iterdir())
@@ -230,7 +230,7 @@ def test_an_existing_folder_is_not_written_to(short, recorded, tmp_path):
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 @pytest.mark.parametrize("name", ["set", "../set", "a/set"])
-def test_a_relative_folder_is_exported_to(short, recorded, tmp_path, monkeypatch, name):
+def test_an_export_to_a_relative_folder_works(short, recorded, tmp_path, monkeypatch, name):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     export_demos(short, recorded, Path(name))
@@ -238,7 +238,7 @@ def test_a_relative_folder_is_exported_to(short, recorded, tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_an_export_that_fails_leaves_nothing(short, recorded, tmp_path, monkeypatch):
+def test_a_failed_export_leaves_nothing(short, recorded, tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError(28, "No space left on device")
 
@@ -251,11 +251,11 @@ def test_an_export_that_fails_leaves_nothing(short, recorded, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_task_whose_format_is_not_known_is_refused(
+def test_a_task_without_a_minari_format_is_refused(
     short, recorded, exported, tmp_path, monkeypatch
 ):
     monkeypatch.delitem(PLACED, "door")
-    with pytest.raises(InputError, match="no Minari format is known for 'door', but for tool"):
+    with pytest.raises(InputError, match="no Minari format is known for 'door': choose from tool"):
         export_demos(short, recorded, tmp_path / "new")
     assert not (tmp_path / "new").exists()
     with pytest.raises(InputError, match="no Minari format is known for 'door'"):

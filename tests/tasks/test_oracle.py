@@ -1,4 +1,4 @@
-"""The tasks against the Adroit environments of gymnasium-robotics and plain MuJoCo."""
+"""The tasks match the Adroit environments of gymnasium-robotics and plain MuJoCo."""
 
 import contextlib
 import io
@@ -37,7 +37,7 @@ def env(task):
 
 
 def begin(env, task, start):
-    """Puts the environment at a start of appendix D, as its own reset would."""
+    """Sets the environment to a start of appendix D, as its own reset would."""
     mujoco.mj_resetData(env.model, env.data)
     model = env.model
     if task.name == "tool":
@@ -48,21 +48,21 @@ def begin(env, task, start):
         model.body("Object").pos[:2] = 0.0
         model.site("target").pos = start
     else:
-        # capital letters: each turn is about an axis that the earlier ones have turned
+        # capital letters mean intrinsic rotations
         turn = Rotation.from_euler("XYZ", [*start, 0.0])
         model.body("target").quat = turn.as_quat(scalar_first=True)
     env.set_state(env.init_qpos, env.init_qvel)
 
 
 def refreshed(env, data):
-    """The environment's data of this moment, on a copy."""
+    """Returns a copy of the environment's data with current kinematics."""
     mujoco.mj_copyData(data, env.model, env.data)
     mujoco.mj_forward(env.model, data)
     return data
 
 
 def own_observation(env, data):
-    """What the environment itself would observe on fresh data."""
+    """Returns the environment's own observation of data with current kinematics."""
     lagging, env.data = env.data, data
     try:
         return env._get_obs()
@@ -71,7 +71,7 @@ def own_observation(env, data):
 
 
 def object_state(task, model, data):
-    """x_o of appendix B, number by number, from one MjData."""
+    """Returns x_o of appendix B, component by component, from one MjData."""
     body, site, joint = data.body, data.site, data.joint
     velocity = [joint(f"OBJ{j}").qvel[0] for j in ("Tx", "Ty", "Tz", "Rx", "Ry", "Rz")]
     if task.name == "tool":
@@ -117,7 +117,7 @@ def action_sequences(task):
     return np.concatenate([noise, walks, extreme])
 
 
-def test_episodes_equal_the_environments_bit_for_bit(task, env):
+def test_episodes_match_the_environments_bit_for_bit(task, env):
     actions = action_sequences(task)
     n = len(actions)
     unseen, ood = task.sample("test", n), task.sample("ood", n // 2)
@@ -156,7 +156,7 @@ def compare(task, env, data, ours):
     np.testing.assert_allclose(observation, own_observation(env, fresh), rtol=0, atol=1e-12)
 
 
-def test_dimensions_are_those_of_appendix_b(task):
+def test_dimensions_match_appendix_b(task):
     table = {
         "tool": (26, 15, 26, 100, 46),
         "door": (28, 7, 28, 70, 39),
@@ -173,7 +173,7 @@ def test_dimensions_are_those_of_appendix_b(task):
 
 
 @pytest.mark.parametrize("task", ["tool"], indirect=True)
-def test_the_nail_sensor_is_read_wherever_something_touches_it(task, env):
+def test_the_nail_sensor_is_computed_wherever_a_body_touches_the_nail(task, env):
     n = 60
     starts = Starts("tool", "test", np.arange(n), np.linspace(0.1, 0.25, n)[:, None])
     simulator = Simulator(task, starts)

@@ -9,7 +9,7 @@ from tasks.physics import changed_fields
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator, rollout
 
-# Appendix I, with "palm" read as the forearm and the pen's mass as its density in g/cm^3.
+# Appendix I, with "palm" interpreted as the forearm and the pen's mass as its density in g/cm^3.
 KNUCKLES = ["ffknuckle", "mfknuckle", "rfknuckle", "lfknuckle"]
 MASSES_KG = {
     "tool": {"Object": (0.85, 0.10), "forearm": (1.0, 8.0)},
@@ -51,7 +51,7 @@ def variations(attribute):
 
 
 @pytest.mark.parametrize(("name", "physics"), variations("mass"))
-def test_a_mass_changes_alone_with_what_mujoco_derives_from_it(name, physics):
+def test_a_mass_variation_changes_only_the_mass_and_constants_derived_from_it(name, physics):
     change, task = CHANGES[name][physics], get_task(name)
     model = task.specification().compile()
     for body in change.names:
@@ -66,7 +66,7 @@ def test_a_mass_changes_alone_with_what_mujoco_derives_from_it(name, physics):
 
 
 @pytest.mark.parametrize(("name", "physics"), variations("density"))
-def test_a_density_changes_the_inertia_of_its_body_alone(name, physics):
+def test_a_density_variation_changes_only_the_inertia_of_its_body(name, physics):
     task = get_task(name)
     fields = changed_fields(task, physics)
     inertial = {"body_mass", "body_inertia", "body_ipos", "body_iquat"}
@@ -78,7 +78,7 @@ def test_a_density_changes_the_inertia_of_its_body_alone(name, physics):
         assert np.flatnonzero(changed.any(axis=1)).tolist() == [pen]
 
 
-def test_masses_are_those_of_appendix_i(task):
+def test_masses_match_appendix_i(task):
     for body, values in MASSES_KG[task.name].items():
         hand = body in ("forearm", *KNUCKLES)
         names = ("light_hand", "heavy_hand") if hand else ("heavy_object", "light_object")
@@ -89,7 +89,7 @@ def test_masses_are_those_of_appendix_i(task):
 
 
 @pytest.mark.parametrize(("physics", "density"), [("heavy_object", 9500), ("light_object", 200)])
-def test_the_pen_weighs_what_its_density_gives(physics, density):
+def test_the_mass_of_the_pen_follows_from_its_density(physics, density):
     task = get_task("reorientation")
     pen = task.model.body("Object").id
     shaft = np.pi * 0.015**2 * 0.13
@@ -102,7 +102,7 @@ def test_the_pen_weighs_what_its_density_gives(physics, density):
 
 @pytest.mark.parametrize("task", ["tool", "door", "relocation"], indirect=True)
 @pytest.mark.parametrize("weight", ["light", "heavy"])
-def test_the_palm_weighs_as_much_more_as_the_forearm_does(task, weight):
+def test_palm_variations_scale_the_palm_by_the_factor_of_the_forearm(task, weight):
     nominal = task.model.body_mass
     hand, other = (changed_fields(task, f"{weight}_{n}")["body_mass"] for n in ("hand", "palm"))
     forearm, palm = (task.model.body(name).id for name in ("forearm", "palm"))
@@ -114,7 +114,7 @@ def test_the_palm_weighs_as_much_more_as_the_forearm_does(task, weight):
     ("name", "physics"),
     [(task, name) for task in TASKS for name in READINGS[task] if name.endswith("_inertia")],
 )
-def test_inertia_grows_with_mass(name, physics):
+def test_inertia_variations_scale_inertia_with_mass(name, physics):
     task, change = get_task(name), READINGS[name][physics]
     fields, alone = (changed_fields(task, p) for p in (physics, physics.removesuffix("_inertia")))
     np.testing.assert_array_equal(fields["body_mass"], alone["body_mass"])
@@ -125,7 +125,7 @@ def test_inertia_grows_with_mass(name, physics):
     assert "body_inertia" not in alone
 
 
-def test_the_nominal_model_is_left_as_it_is(task):
+def test_variations_leave_the_nominal_model_unchanged(task):
     before = model_bytes(task.model)
     starts = task.sample("test", 3)
     for physics in physics_names(task.name):
@@ -136,7 +136,7 @@ def test_the_nominal_model_is_left_as_it_is(task):
 
 
 @pytest.mark.parametrize("density", [9500, 200])
-def test_a_pen_of_other_density_moves_as_one_made_that_way(density, random_replay):
+def test_a_pen_of_another_density_moves_like_one_compiled_with_it(density, random_replay):
     task = get_task("reorientation")
     physics = "heavy_object" if density > 1500 else "light_object"
     spec = mujoco.MjSpec.from_file(str(task.model_path))
@@ -155,7 +155,7 @@ def test_a_pen_of_other_density_moves_as_one_made_that_way(density, random_repla
         np.testing.assert_array_equal(simulator.batch.qpos[0], data.qpos)
 
 
-def test_each_variation_moves_the_episodes_its_own_way(task, random_replay):
+def test_each_variation_changes_the_motion_differently(task, random_replay):
     starts, policy = task.sample("test", 3), random_replay(task, 3)
 
     def trace(physics):
@@ -170,6 +170,6 @@ def test_each_variation_moves_the_episodes_its_own_way(task, random_replay):
     assert trace("nominal") == traces[0]
 
 
-def test_an_unknown_variation_is_answered_with_the_nearest_one(task, random_replay):
+def test_an_unknown_variation_is_refused_with_the_nearest_name(task, random_replay):
     with pytest.raises(InputError, match=r"heavy_object, .*did you mean 'heavy_hand'"):
         rollout(task, task.sample("test", 1), random_replay(task, 1), physics="heavy_hnad")

@@ -12,7 +12,7 @@ EPISODES = 20
 
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path, monkeypatch):
-    """Runs each test in an empty folder, which must stay empty."""
+    """Runs each test in an empty folder and checks that it stays empty."""
     monkeypatch.chdir(tmp_path)
     yield
     assert not list(tmp_path.iterdir())
@@ -20,12 +20,12 @@ def own_folder(tmp_path, monkeypatch):
 
 @pytest.fixture(params=[(name, rule) for name in TASKS for rule in rules(name)], ids="-".join)
 def judged(request):
-    """A task under each rule of success."""
+    """A task with each of its success rules."""
     return get_task(*request.param)
 
 
 class Broken:
-    """Holds still, but asks for NaN in some episodes at one step."""
+    """Holds still, except for a broken action in some episodes at one step."""
 
     def __init__(self, task, rows: list[int], step: int, value: float = np.nan):
         self.action_dim = task.layout.action_dim
@@ -41,7 +41,7 @@ class Broken:
         return actions
 
 
-def test_outcomes_do_not_depend_on_grouping_or_threads(task, random_replay):
+def test_outcomes_do_not_depend_on_chunks_or_threads(task, random_replay):
     starts, policy = task.sample("test", EPISODES), random_replay(task, EPISODES)
     expected = rollout(task, starts, policy, chunk=EPISODES, threads=2)
     assert not expected.diverged.any()
@@ -52,7 +52,7 @@ def test_outcomes_do_not_depend_on_grouping_or_threads(task, random_replay):
         np.testing.assert_array_equal(got.steps, expected.steps[:n])
 
 
-def test_stopped_episodes_keep_their_state_and_leave_the_others_alone(task, random_replay):
+def test_stopped_episodes_keep_their_state_and_do_not_affect_others(task, random_replay):
     starts, policy = task.sample("test", 6), random_replay(task, 6)
     all_run, some_run = Simulator(task, starts), Simulator(task, starts)
     policy.reset(all_run)
@@ -67,7 +67,7 @@ def test_stopped_episodes_keep_their_state_and_leave_the_others_alone(task, rand
     np.testing.assert_array_equal(some_run.state()[~run], before[~run])
 
 
-def test_an_episode_ends_once_it_is_decided_and_comes_out_the_same(judged, random_replay):
+def test_ending_decided_episodes_early_does_not_change_success(judged, random_replay):
     task = judged
     starts, policy = task.sample("test", EPISODES), random_replay(task, EPISODES)
     whole = rollout(task, starts, policy, whole=True)
@@ -81,13 +81,13 @@ def test_an_episode_ends_once_it_is_decided_and_comes_out_the_same(judged, rando
     assert np.isnan(ended.readings[~there]).all()
 
 
-def test_success_is_decided_when_no_readings_to_come_change_it(judged):
+def test_success_is_decided_when_no_later_reading_can_change_it(judged):
     task = judged
     rng = generator("decided", task.name)
     low, high = {"relocation": (0.08, 0.12), "reorientation": (0.88, 0.92)}.get(task.name, (0, 2))
     readings = rng.uniform(low, high, (50, 30))
     if judged.name == "reorientation":
-        readings[:25] -= 4.0 * rng.integers(0, 2, (25, 30))  # what a pen reads that is not settled
+        readings[:25] -= 4.0 * rng.integers(0, 2, (25, 30))  # readings of an unsettled pen
     for taken in range(1, 31):
         ends = [readings.copy() for _ in range(2)]
         for end, value in zip(ends, (-1e6, 1e6), strict=True):
@@ -96,7 +96,7 @@ def test_success_is_decided_when_no_readings_to_come_change_it(judged):
         np.testing.assert_array_equal(task.decided(readings[:, :taken], 30 - taken), same)
 
 
-def test_a_policy_always_meets_a_whole_chunk(task):
+def test_a_policy_always_sees_a_full_chunk(task):
     seen = []
 
     class Counting(Broken):
@@ -112,7 +112,7 @@ def test_a_policy_always_meets_a_whole_chunk(task):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_broken_action_is_a_divergence_or_the_limit(task, value):
+def test_a_nan_action_diverges_and_an_infinite_one_is_clipped(task, value):
     starts = task.sample("test", 5)
     policy = Broken(task, [1, 3], step=2, value=value)
     episodes = rollout(task, starts, policy, steps=6, whole=True)
@@ -124,7 +124,7 @@ def test_a_broken_action_is_a_divergence_or_the_limit(task, value):
 
 @pytest.mark.parametrize("field", ["qpos", "qvel"])
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e12])
-def test_a_broken_state_is_a_divergence(task, field, value):
+def test_a_state_that_is_not_finite_or_huge_diverges(task, field, value):
     simulator = Simulator(task, task.sample("test", 4))
     getattr(simulator.batch, field)[2, 0] = value
     simulator.step(np.zeros((4, task.layout.action_dim)))
@@ -134,15 +134,15 @@ def test_a_broken_state_is_a_divergence(task, field, value):
     assert np.isfinite(simulator.observe()).all()
 
 
-def test_a_state_that_only_the_next_step_would_warn_about_is_a_divergence(task):
+def test_a_state_that_the_next_step_would_warn_about_diverges(task):
     simulator = Simulator(task, task.sample("test", 3))
     simulator.step(np.zeros((3, task.layout.action_dim)))
     simulator.batch.qpos[1, 5] = np.nan
-    simulator._mark_diverged()
+    simulator.mark_diverged()
     np.testing.assert_array_equal(simulator.diverged, [False, True, False])
 
 
-def test_what_diverges_after_meeting_the_rule_is_a_failure():
+def test_an_episode_that_diverges_after_success_fails():
     task = get_task("reorientation")
     starts = task.sample("ood", 400)
     facing = starts[np.flatnonzero(starts.values[:, 1] > 1.17)]
@@ -174,7 +174,7 @@ def test_success_follows_appendix_c(task):
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 24), (3, 5), (3, 1, 24)])
-def test_actions_of_another_shape_are_refused(task, shape):
+def test_actions_of_a_wrong_shape_are_refused(task, shape):
     simulator = Simulator(task, task.sample("test", 3))
     with pytest.raises(InputError, match=rf"\(B, A\) = \(3, {task.layout.action_dim}\)"):
         simulator.step(np.zeros(shape))
@@ -198,12 +198,12 @@ def test_starts_are_checked_before_anything_runs(task):
 
 
 @pytest.mark.parametrize("argument", ["steps", "chunk"])
-def test_a_rollout_of_nothing_is_refused(task, argument):
+def test_a_rollout_without_steps_or_episodes_per_chunk_is_refused(task, argument):
     with pytest.raises(InputError, match=f"{argument} must be 1 or more, got 0"):
         rollout(task, task.sample("test", 1), Broken(task, [], 0), **{argument: 0})
 
 
-def test_tool_as_published_is_the_same_motion_judged_after_30_steps():
+def test_published_tool_judges_the_same_motion_after_30_steps():
     task = get_task("tool")
     starts, expert = task.sample("probe", 20), load_expert(task).policy
     whole = rollout(task, starts, expert)
@@ -212,7 +212,7 @@ def test_tool_as_published_is_the_same_motion_judged_after_30_steps():
     np.testing.assert_array_equal(early.success, whole.readings[:, 29] < 0.01)
 
 
-def test_reorientation_as_published_also_asks_that_the_pen_is_held_and_slow():
+def test_published_reorientation_requires_a_held_and_slow_pen():
     task = get_task("reorientation", PUBLISHED)
     starts, expert = task.sample("ood", 60), load_expert(task).policy
     simulator, aligned = Simulator(task, starts), []
@@ -228,6 +228,6 @@ def test_reorientation_as_published_also_asks_that_the_pen_is_held_and_slow():
     assert (np.sum(aligned, axis=0) > 10).sum() > expected.sum() > 0
 
 
-def test_an_unknown_rule_is_refused():
+def test_an_unknown_success_rule_is_refused():
     with pytest.raises(InputError, match="door"):
         get_task("door", PUBLISHED)

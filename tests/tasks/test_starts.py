@@ -12,7 +12,7 @@ from tasks.reorientation import goal_frame
 tasks = st.sampled_from(TASKS).map(get_task)
 counts = st.integers(0, 300)
 
-# Appendix D, as bounds of each number; out of distribution, the bounds of the outer box.
+# Bounds of each component in appendix D; out of distribution, those of the outer box.
 RANGES = {
     "tool": ([(0.1, 0.25)], [(0.05, 0.3)]),
     "door": (
@@ -33,7 +33,7 @@ def within(values, bounds):
 
 
 @given(tasks, st.sampled_from(SPLITS), counts)
-def test_every_start_lies_in_the_range_of_its_split(task, split, n):
+def test_every_start_is_in_the_range_of_its_split(task, split, n):
     starts = task.sample(split, n)
     inner, outer = RANGES[task.name]
     assert len(starts) == n
@@ -43,12 +43,12 @@ def test_every_start_lies_in_the_range_of_its_split(task, split, n):
 
 
 @given(tasks, counts)
-def test_out_of_distribution_starts_are_out_of_distribution(task, n):
+def test_out_of_distribution_starts_are_outside_the_training_range(task, n):
     assert not within(task.sample("ood", n).values, RANGES[task.name][0]).any()
 
 
 @given(tasks, st.sampled_from(SPLITS), counts, counts)
-def test_a_start_does_not_depend_on_how_many_are_drawn(task, split, n, m):
+def test_a_start_does_not_depend_on_the_number_of_starts(task, split, n, m):
     few, many = sorted((n, m))
     np.testing.assert_array_equal(
         task.sample(split, few).values, task.sample(split, many)[:few].values
@@ -91,7 +91,7 @@ def test_the_goal_frame_is_a_rotation_that_maps_the_goal_to_the_x_axis(pitch, ya
     np.testing.assert_allclose(frame @ goal, [1, 0, 0], atol=1e-12)
 
 
-def test_an_unknown_split_is_answered_with_the_nearest_one(task):
+def test_an_unknown_split_is_refused_with_the_nearest_name(task):
     with pytest.raises(InputError, match="train, demo, probe, test, ood; did you mean 'test'"):
         task.sample("tset", 3)
 
@@ -101,7 +101,7 @@ def test_a_negative_number_of_starts_is_refused(task):
         task.sample("test", -1)
 
 
-def test_a_start_out_of_range_is_named_with_what_is_allowed(task):
+def test_a_start_out_of_range_is_refused_with_the_allowed_range(task):
     starts = task.sample("test", 4)
     starts.values[2, 0] = 7.0
     name = task.start_components[0].name
@@ -124,12 +124,12 @@ def test_starts_that_are_not_finite_are_refused(bad):
 
 
 @pytest.mark.parametrize(("index", "values"), [((2,), (3, 1)), ((2, 1), (2, 1)), ((2,), (2,))])
-def test_starts_of_disagreeing_shapes_are_refused(index, values):
+def test_starts_with_mismatched_shapes_are_refused(index, values):
     with pytest.raises(InputError, match="same length B"):
         Starts("tool", "test", np.zeros(index), np.zeros(values))
 
 
-def test_a_stream_depends_on_every_part_and_on_nothing_else():
+def test_a_random_stream_depends_on_its_parts_alone():
     np.random.default_rng(0)
     again = generator("a", 1).random(4)
     np.testing.assert_array_equal(generator("a", 1).random(4), again)

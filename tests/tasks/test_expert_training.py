@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 import torch
 
-from tasks import training
+from tasks import expert_training as training
+from tasks.checkpoints import EPSILON, below, expert_weights, read_checkpoint
+from tasks.episodes_env import EpisodesEnv
 from tasks.errors import InputError
 from tasks.experts import Expert, expert_input
 from tasks.recipes import RECIPES
@@ -18,7 +20,7 @@ EPISODES = 4
 
 @pytest.fixture
 def recipe(task, monkeypatch):
-    """The task's recipe, cut down to seconds."""
+    """The task's recipe, shortened to seconds."""
     steps = ITERATIONS * EPISODES * (task.horizon - 1)
     small = replace(
         RECIPES[task.name],
@@ -37,7 +39,7 @@ def log(folder):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_killed_run_goes_on_from_its_checkpoint(task, recipe, tmp_path):
+def test_a_killed_training_resumes_from_its_checkpoint(task, recipe, tmp_path):
     class KilledError(Exception):
         pass
 
@@ -58,7 +60,7 @@ def test_a_killed_run_goes_on_from_its_checkpoint(task, recipe, tmp_path):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_two_trainings_do_not_share_a_folder(task, recipe, tmp_path):
+def test_a_second_training_in_the_same_folder_is_refused(task, recipe, tmp_path):
     def again(row):
         training.train(task, tmp_path, lambda row: None, threads=1)
 
@@ -68,7 +70,7 @@ def test_two_trainings_do_not_share_a_folder(task, recipe, tmp_path):
 
 
 @pytest.mark.parametrize("task", ["reorientation"], indirect=True)
-def test_the_expert_written_acts_as_the_policy_trained(task, recipe, tmp_path, monkeypatch):
+def test_the_written_expert_acts_like_the_trained_policy(task, recipe, tmp_path, monkeypatch):
     monkeypatch.setattr(training, "CARD_EPISODES", 2)
     training.train(task, tmp_path, lambda row: None, threads=1)
     card = json.loads(training.write_expert(task, tmp_path).read_text())
@@ -76,24 +78,24 @@ def test_the_expert_written_acts_as_the_policy_trained(task, recipe, tmp_path, m
     assert card["recipe"]["reward"] == "reorientation_reward"
     assert set(card["success"]) == {"probe", "ood"}
     simulator = Simulator(task, task.sample("probe", 3))
-    tensors, _ = training.read_checkpoint(tmp_path)
-    actions = Expert(training.expert_weights(tensors)).act(simulator, 0)
+    tensors, _ = read_checkpoint(tmp_path)
+    actions = Expert(expert_weights(tensors)).act(simulator, 0)
 
-    environment = training.VecNormalize(training.EpisodesEnv(task, recipe, 1))
-    model = training._model(environment, recipe)
-    policy = {k.removeprefix("policy."): v for k, v in tensors.items() if k.startswith("policy.")}
+    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1))
+    model = training.make_model(environment, recipe)
+    policy = below(tensors, "policy.")
     model.policy.load_state_dict(policy)
     seen = np.concatenate([expert_input(simulator), np.full((3, 1), 0.7)], axis=1)
-    scale = np.sqrt(tensors["obs.var"].numpy() + training.EPSILON)
+    scale = np.sqrt(tensors["obs.var"].numpy() + EPSILON)
     normal = torch.as_tensor((seen - tensors["obs.mean"].numpy()) / scale, dtype=torch.float32)
     with torch.no_grad():
         expected = model.policy.get_distribution(normal.clamp(-10, 10)).mode()
     np.testing.assert_allclose(actions, expected, atol=1e-5)
 
 
-def test_the_actor_does_not_see_the_time_but_the_critic_does(recipe, task):
-    environment = training.VecNormalize(training.EpisodesEnv(task, recipe, 1))
-    policy = training._model(environment, recipe).policy
+def test_only_the_critic_depends_on_the_time(recipe, task):
+    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1))
+    policy = training.make_model(environment, recipe).policy
     early = torch.as_tensor(environment.reset(), dtype=torch.float32)
     late = early.clone()
     late[:, -1] += 1.0
@@ -104,8 +106,8 @@ def test_the_actor_does_not_see_the_time_but_the_critic_does(recipe, task):
         assert not torch.equal(policy.predict_values(early), policy.predict_values(late))
 
 
-def test_training_starts_are_new_in_each_iteration(recipe, task):
-    environment = training.EpisodesEnv(task, recipe, 1)
+def test_each_iteration_uses_new_starts(recipe, task):
+    environment = EpisodesEnv(task, recipe, 1)
     first = environment.simulator.starts.index.tolist()
     environment.reset()
     assert environment.simulator.starts.split == "train"
@@ -113,8 +115,8 @@ def test_training_starts_are_new_in_each_iteration(recipe, task):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_error_of_the_actions_stays_for_an_episode_and_is_another_in_the_next(recipe, task):
-    environment = training.EpisodesEnv(task, recipe, 1)
+def test_the_action_error_is_constant_within_an_episode_and_redrawn_for_the_next(recipe, task):
+    environment = EpisodesEnv(task, recipe, 1)
     environment.offset = 0.1
 
     def control():
@@ -129,7 +131,7 @@ def test_the_error_of_the_actions_stays_for_an_episode_and_is_another_in_the_nex
     assert (control() != first).all()
 
 
-def test_rewards_are_finite_and_rise_where_the_rule_is_met(task):
+def test_rewards_are_finite_and_higher_when_the_task_is_solved(task):
     simulator = Simulator(task, task.sample("train", 5))
     reward = RECIPES[task.name].reward
     before = reward(simulator.batch)
@@ -140,7 +142,7 @@ def test_rewards_are_finite_and_rise_where_the_rule_is_met(task):
 
 
 def solve(simulator: Simulator) -> None:
-    """Puts the object where the task wants it, at the end of the episode."""
+    """Moves the object to where the task succeeds, at the end of the episode."""
     batch, task = simulator.batch, simulator.task
     if task == get_task("door"):
         batch.joint("door_hinge").qpos = 1.5
@@ -163,7 +165,7 @@ def solve(simulator: Simulator) -> None:
         (100_000, 0.3e-4, 1.0, 0.1),
     ],
 )
-def test_schedules_fall_and_rise_as_the_recipe_says(steps, rate, calm, noise):
+def test_schedules_follow_the_recipe(steps, rate, calm, noise):
     recipe = replace(RECIPES["relocation"], steps=100_000)
     assert recipe.rate_at(steps) == pytest.approx(rate)
     assert recipe.calm_at(steps) == pytest.approx(calm)
