@@ -171,8 +171,7 @@ class EvaluationJob:
 
     def store(self, result: Sequence[Evaluated], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
-        fit, evaluation, (made,) = self.cell.fit, self.cell.evaluation, result
-        writer.add_episodes(fit, evaluation, made.episodes, made.software, self.kept)
+        writer.add_episodes(self.cell.fit, self.cell.evaluation, result[0], self.kept)
 
 
 RunJob = ControllerJob | FitJob | EvaluationJob

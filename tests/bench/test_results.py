@@ -173,9 +173,9 @@ def test_episodes_of_another_evaluation_of_the_same_fit_count_as_damaged(stored)
 
 def test_answers_that_were_not_finite_are_kept_with_their_episodes(stored):
     assert remarks(stored.results) == []
-    spoilt = replace(
-        stored.episodes(0, 4), non_finite=(NonFinite(0, "act", 1, 30), NonFinite(2, "act", 2, 8))
-    )
+    made = stored.episodes(0, 4)
+    wrong = (NonFinite(0, "act", 1, 30), NonFinite(2, "act", 2, 8))
+    spoilt = replace(made, episodes=replace(made.episodes, non_finite=wrong))
     stored.writer.add_episodes(stored.fit, stored.evaluation, spoilt)
     assert [one.split(";")[0] for one in remarks(stored.results)] == [
         "kodex on door, seed 0: act returned NaN or inf for 3 of 4 starts, first at t=8"
