@@ -75,8 +75,8 @@ def weights_differ(one: bytes, other: bytes) -> str:
 def episodes_differ(one: pd.DataFrame, other: pd.DataFrame) -> str:
     """Returns the first episode in which two evaluations differ, or nothing.
 
-    A policy meets `CHUNK` starts at once. Only chunks that both have whole are compared, since
-    another number of starts rounds differently.
+    A policy meets `CHUNK` starts at once, and its answers may depend on all of them. So only chunks
+    that both have whole are compared.
     """
     count = min(len(one), len(other))
     if len(one) != len(other):

@@ -16,7 +16,7 @@ def test_a_stored_fit_and_its_episodes_come_back(stored):
     assert results.has_fit(stored.fit)
     assert not results.has_fit(stored.other)
     assert results.parameters(stored.fit) == stored.weights
-    frame, expected = results.episodes(stored.wanted), stored.episodes(0, 4)
+    frame, expected = results.episodes(stored.wanted), stored.episodes(0, 4).episodes
     np.testing.assert_array_equal(frame.start, expected.starts.index)
     np.testing.assert_array_equal(frame.success, expected.success)
     np.testing.assert_array_equal(frame.steps, expected.steps)
@@ -24,7 +24,7 @@ def test_a_stored_fit_and_its_episodes_come_back(stored):
 
 
 def test_a_row_of_the_frame_leads_to_outcomes_readings_diagnostics_and_facts(stored):
-    results, expected = stored.results, stored.episodes(0, 4)
+    results, expected = stored.results, stored.episodes(0, 4).episodes
     (row,) = results.frame().to_dict("records")
     assert list(results.outcomes(row).success) == list(expected.success)
     np.testing.assert_array_equal(results.readings(row), expected.readings.astype("f4"))
