@@ -31,7 +31,7 @@ ABOUT = {
         measures="Success from unseen starts of the training distribution: the main comparison.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("table_6",),
-        own=("unseen", "all_tasks", "starts", "success_over_time", "motions"),
+        own=("success", "all_tasks", "starts", "success_over_time", "motions"),
     ),
     "ood": About(
         measures="Success from starts outside the ranges of the training distribution.",
@@ -67,7 +67,7 @@ ABOUT = {
         varies="Task, method, seed, and one of these at a time: the variant of the method (as"
         " described, as published, others), the reading of appendix I, the success rule, and what"
         " the controller learns from or its random numbers.",
-        own=("audit", "audit_controller", "audit_success", "audit_appendix_i"),
+        own=("audit_variant", "audit_controller", "audit_rule", "audit_physics"),
     ),
 }
 

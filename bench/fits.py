@@ -10,7 +10,7 @@ from bench.presets import Study
 from bench.selection import Sizes, compared_sizes, used_size
 from bench.spec import EXPERT, Fit
 from bench.study_demos import demos_key_of
-from methods.base import Method
+from methods.base import Method, config_of
 from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
@@ -100,7 +100,7 @@ def fits_of(
 
 def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
     """The config of a method, with the study's share of its epochs."""
-    config = replace(method.sizes[size], **method.variants[variant])
+    config = config_of(method, size, variant)
     if "epochs" in {field.name for field in fields(config)}:
         config = replace(config, epochs=max(1, round(config.epochs * study.epochs_share)))
     return config

@@ -16,6 +16,7 @@ from bench.controller import ControllerConfig, train_controller
 from bench.costs import CALIBRATION, CONTROLLER, MANY, Price, write_table
 from bench.machine import calibrate, describe_machine, warm_up
 from bench.spec import EXPERT
+from methods.base import config_of
 from methods.registry import SUITE, get_method
 from tasks.data import Demos
 from tasks.demos import load_demos, split
@@ -63,7 +64,7 @@ def _fit_prices(task: str, name: str) -> Iterator[Price]:
         method = get_method(name, variant)
         counts = (1,) if method.deterministic else (1, MANY)
         for size, seeds in product(method.sizes, counts):
-            config = replace(method.sizes[size], **method.variants[variant])
+            config = config_of(method, size, variant)
             epochs = hasattr(config, "epochs")
 
             def train(demos: Demos, count: int) -> None:

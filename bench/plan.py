@@ -32,7 +32,7 @@ from bench.results import Results
 from bench.spec import Fit
 from bench.study_demos import demos_keys_of
 from bench.trained import trained
-from methods.base import Method, shortened
+from methods.base import Method, config_of, shortened
 from methods.registry import SUITE, introduced
 from tasks.errors import InputError, reason_of
 from tasks.registry import get_task
@@ -208,9 +208,7 @@ def _measured(task_name: str, method: str, variant: str, size: str, seeds: int) 
     """Fits 16 demonstrations for two epochs."""
     from methods.registry import get_method
 
-    config = get_method(method, variant).sizes[size]
-    config = replace(config, **get_method(method, variant).variants[variant])
-    config = shortened(config, 2)
+    config = shortened(config_of(get_method(method, variant), size, variant), 2)
     epochs = getattr(config, "epochs", 1)
     training, validation = random_demos(task_name)
     layout = get_task(task_name).layout

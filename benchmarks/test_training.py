@@ -13,7 +13,8 @@ from torch.nn.functional import softplus
 from methods.dmp import DMPConfig, forcing_activations, whitening
 from methods.lstm import LSTM
 from methods.ndp import NDP
-from methods.ngf import NGF
+from methods.ngf import NGF, integrate
+from methods.ngf_gradient import motion_with_gradient
 from methods.ngf_published import PublishedNGF
 from methods.nn import NN
 from tasks.data import CONTROL_STEP, Demos, Layout, Starts, generator
@@ -180,6 +181,22 @@ def test_training(compare, demos, method):
             EPOCHS * DEMOS * (HORIZON - window) * window,
             EPOCHS * PLAIN_DEMOS * (HORIZON - plain_window) * plain_window,
         ),
+    )
+
+
+def test_a_written_gradient(compare, demos, monkeypatch):
+    """NGF, one seed, with the gradient written out and with that of autograd."""
+    config = replace(NGF.sizes[NGF.default_size["relocation"]], epochs=1)
+
+    def train(motion: Any) -> None:
+        monkeypatch.setattr("methods.ngf.motion_with_gradient", motion)
+        NGF.fit_seeds(config, LAYOUT, demos[:16], demos[:1], [1])
+
+    compare(
+        "ngf_gradient",
+        ours=lambda: train(motion_with_gradient),
+        peer=lambda: train(integrate),
+        target=1.5,
     )
 
 

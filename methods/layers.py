@@ -1,6 +1,6 @@
-"""Layers of several networks side by side: one for each seed, trained in the same operations.
+"""Layers of several networks, one for each seed, that are trained in the same operations.
 
-Weights are tensors by name whose first axis S counts the networks. A layer's result for one
+Weights are tensors by name. Their first axis, S, is the networks. The result of a layer for one
 network does not depend on the others.
 """
 
@@ -19,7 +19,7 @@ Weights = dict[str, Tensor]
 def linear_weights(
     rng: np.random.Generator, name: str, inputs: int, outputs: int
 ) -> dict[str, FloatArray]:
-    """Returns the weights of a linear layer, uniform within 1 / sqrt(inputs) as in torch."""
+    """Returns the weights of a linear layer, uniform within 1 / sqrt(inputs) like torch's."""
     bound = inputs**-0.5
     return {
         f"{name}.weight": rng.uniform(-bound, bound, (outputs, inputs)),
@@ -28,16 +28,16 @@ def linear_weights(
 
 
 def tensor(array: FloatArray) -> Tensor:
-    """Returns an array in float32, in memory of torch's own.
+    """Returns an array as float32, in memory that torch allocates.
 
-    MKL rounds by where in memory numbers begin: those of torch begin at a full vector, those of
-    NumPy anywhere.
+    Results of MKL depend on the alignment of the memory. torch aligns its memory to full vectors,
+    NumPy does not.
     """
     return torch.tensor(array, dtype=torch.float32)
 
 
 def linear(weights: Weights, name: str, x: Tensor) -> Tensor:
-    """Returns (S, B, K) of inputs (S, B, I)."""
+    """Applies a linear layer to (S, B, I); returns (S, B, K)."""
     weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
     if weight.shape[1] == 1:
         return bias[:, None] + _times_column(x, weight)
@@ -45,7 +45,7 @@ def linear(weights: Weights, name: str, x: Tensor) -> Tensor:
 
 
 def after(weights: Weights, name: str, layer: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
-    """Returns weight and bias of the one layer that the layer of a name, then another, make."""
+    """Returns weight and bias of a layer equal to the named layer followed by another one."""
     weight, bias = layer
     inner = _times_column(weight, weights[f"{name}.bias"][:, None])
     return torch.bmm(weight, weights[f"{name}.weight"]), bias + inner[..., 0]
@@ -54,29 +54,29 @@ def after(weights: Weights, name: str, layer: tuple[Tensor, Tensor]) -> tuple[Te
 def _times_column(x: Tensor, column: Tensor) -> Tensor:
     """Returns (S, B, 1), x (S, B, I) times the column (S, 1, I).
 
-    torch would multiply the column of a lone network by another operation than that of several.
+    torch would use different operations for one network and for several.
     """
     return (x * column).sum(dim=2, keepdim=True)
 
 
 def sigmoid(x: Tensor) -> Tensor:
-    """Returns 1 / (1 + exp(-x)), rounded alike wherever a number stands in its tensor.
+    """Returns 1 / (1 + exp(-x)), rounded independently of a number's position in its tensor.
 
-    torch's own rounds the numbers after the last full vector in another way, and with them those of
+    torch's own function rounds the numbers after the last full vector differently, and so those of
     the last network.
     """
     return 0.5 * torch.tanh(0.5 * x) + 0.5
 
 
 def softplus(x: Tensor) -> Tensor:
-    """Returns log(1 + exp(x)), rounded alike wherever a number stands, see `sigmoid`."""
+    """Returns log(1 + exp(x)), rounded independently of position, see `sigmoid`."""
     return -logsigmoid(-x)
 
 
 def mlp_weights(
     rng: np.random.Generator, name: str, widths: tuple[int, ...]
 ) -> dict[str, FloatArray]:
-    """Returns the weights of linear layers from each width to the next."""
+    """Returns the weights of linear layers between successive widths."""
     arrays: dict[str, FloatArray] = {}
     for i, (inputs, outputs) in enumerate(pairwise(widths)):
         arrays |= linear_weights(rng, f"{name}{i}", inputs, outputs)
@@ -84,7 +84,7 @@ def mlp_weights(
 
 
 def mlp(weights: Weights, name: str, x: Tensor, depth: int) -> Tensor:
-    """Returns (S, B, K) of inputs (S, B, I): depth linear layers, ReLU between them."""
+    """Applies ``depth`` linear layers with ReLU between them to (S, B, I); returns (S, B, K)."""
     for i in range(depth):
         x = linear(weights, f"{name}{i}", x)
         x = torch.relu(x) if i < depth - 1 else x

@@ -16,12 +16,12 @@ from tasks.data import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class LSTMConfig(NetworkConfig):
-    """Table 3 gives the layers; the rest is chosen on validation data."""
+    """Layers are those of Table 3; the rest is chosen on validation data."""
 
     embedding: int
-    """Units of the layer between the state and the LSTM."""
+    """Number of units of the layer between the state and the LSTM."""
     hidden: int
-    """Units of the LSTM."""
+    """Number of units of the LSTM."""
     decay: bool = False
     epochs: int = 200
     batch_size: int = 16
@@ -33,7 +33,7 @@ class LSTMConfig(NetworkConfig):
 
 
 class LSTM(NetworkMethod):
-    """A linear layer, an LSTM, a linear layer: from each state to the next."""
+    """A linear layer, an LSTM and a linear layer map each state to the next."""
 
     name = "lstm"
     summary = "recurrent network, fed its own predictions"
@@ -62,7 +62,7 @@ class LSTM(NetworkMethod):
     }
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
-        """Returns the three layers; the LSTM's has its four gates one below the other."""
+        """Returns the three layers. The four gates of the LSTM are stacked in its rows."""
         dim, embedding, hidden = self.layout.state_dim, self.config.embedding, self.config.hidden
         gates = linear_weights(rng, "gates", embedding + hidden, 4 * hidden)
         return (
@@ -74,13 +74,13 @@ class LSTM(NetworkMethod):
     def unroll(
         self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
     ) -> Tensor:
-        """Returns the states that follow, from an empty memory."""
+        """Returns the following states, starting with an empty memory."""
         embedding, hidden = self.config.embedding, self.config.hidden
         from_embedding, memory = weights["gates.weight"].split([embedding, hidden], dim=2)
         gates, bias = after(weights, "into", (from_embedding, weights["gates.bias"]))
         if truth is None:
-            # Nothing bends between the LSTM and the gates of the next step, so that the layers on
-            # the way become one: an LSTM that sees nothing but where it starts.
+            # All layers between the LSTM and the gates of the next step are linear, so they merge
+            # into one: an LSTM whose only input is the start.
             again, bias = after(weights, "out", (gates, bias))
             memory = memory + again
             seen = start.new_zeros(*start.shape[:2], steps, start.shape[2])

@@ -1,9 +1,9 @@
-"""What the networks share: they predict a motion from its start, and are trained to reproduce it.
+"""The base of all networks: they predict a motion from its start and are trained to reproduce it.
 
-All see standardised states. A network is trained on windows of the demonstrations: it predicts each
-window from its first state alone, and the mean squared error of the whole window is minimised, the
-"trajectory reproduction error" of appendix E. The weights are kept where the motions of the
-validation demonstrations, predicted from their starts, are reproduced best.
+States are standardised. A network is trained on windows of the demonstrations: it predicts each
+window from its first state alone, and training minimises the mean squared error of the window, the
+"trajectory reproduction error" of appendix E. The kept weights are those with the lowest error on
+the validation demonstrations, predicted from their starts.
 """
 
 from abc import abstractmethod
@@ -21,26 +21,27 @@ from methods.training import Schedule, Trained, minimise, one_thread
 from tasks.data import Demos, FloatArray, Layout
 
 SCALE_FLOOR = 1e-2
-"""Least standard deviation that a state is divided by: what hardly moves must not become noise."""
+"""Smallest divisor of a state in standardisation, so that components that hardly move do not become
+noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig(Schedule):
-    """What can be chosen about the training of any network."""
+    """The training settings of all networks."""
 
     decay: bool = True
     standardise: bool = True
-    """Whether states are brought to mean 0 and standard deviation 1."""
+    """Whether states are scaled to mean 0 and standard deviation 1."""
     teacher_forced: bool = False
-    """Whether each state is predicted from the demonstrated one before it, in training and when
-    weights are chosen, instead of from the network's own prediction."""
+    """Whether each state is predicted from the demonstrated previous state, in training and
+    validation, instead of from the network's own prediction."""
 
 
 class NetworkMethod(MotionMethod):
-    """A motion method that is a network, with a `NetworkConfig`."""
+    """A motion method with a neural network. Its configs derive from `NetworkConfig`."""
 
     at_once: ClassVar[int | None] = None
-    """Samples that pass through the network at a time in training, see `minimise`."""
+    """Number of samples that pass through the network at a time in training, see `minimise`."""
 
     def __init__(self, config: Any, layout: Layout) -> None:
         super().__init__(config, layout)
@@ -49,7 +50,7 @@ class NetworkMethod(MotionMethod):
 
     @abstractmethod
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
-        """Returns the first weights of one network."""
+        """Returns the initial weights of one network."""
 
     @abstractmethod
     def unroll(
@@ -57,16 +58,16 @@ class NetworkMethod(MotionMethod):
     ) -> Tensor:
         """Returns (S, B, steps, K) after starts (S, B, D), all standardised.
 
-        K is D, or H of a network that predicts the hand alone. A network that goes from state to
-        state goes from those of truth (S, B, T, D), where it is given.
+        K is D, or H for a network that predicts only the hand. A network that maps each state to
+        the next takes the states of ``truth`` (S, B, T, D) as inputs, if it is given.
         """
 
     def samples(self, states: FloatArray) -> list[FloatArray]:
-        """Returns what the loss takes, from motions (N, T, D): whole ones unless overridden."""
+        """Returns the training samples from motions (N, T, D). Default: whole motions."""
         return [states]
 
     def loss(self, weights: Weights, *sample: Tensor) -> Tensor:
-        """Returns the loss of training of each network on some samples, (S,)."""
+        """Returns the training loss of each network on some samples, (S,)."""
         return self.error(weights, *sample)
 
     def error(self, weights: Weights, motion: Tensor) -> Tensor:
@@ -109,13 +110,13 @@ class NetworkMethod(MotionMethod):
         return methods
 
     def parameters(self) -> Parameters:
-        """Returns weights and the scaling of states."""
+        """Returns the weights and the scaling of states."""
         if self._arrays is None:
             raise NotFittedError(f"this {self.name} has no weights yet: call fit or load")
         return self._arrays
 
     def load(self, parameters: Parameters) -> None:
-        """Takes weights and the scaling of states."""
+        """Restores the weights and the scaling of states."""
         self._arrays, self._trained = dict(parameters), None
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
@@ -135,19 +136,19 @@ class NetworkMethod(MotionMethod):
         return np.concatenate([start[:, None, :width], motion], axis=1)
 
     def diagnostics(self) -> Parameters:
-        """Returns after a fit the ``losses`` and ``validation_losses`` of each epoch."""
+        """Returns, after a fit, the ``losses`` and ``validation_losses`` of each epoch."""
         if self._trained is None:
             return {}
         return {"losses": self._trained.losses, "validation_losses": self._trained.validation}
 
 
 def windows(states: FloatArray, steps: int) -> FloatArray:
-    """Returns all stretches of steps + 1 states (..., steps + 1, D) of motions (B, T, D)."""
+    """Returns all windows of steps + 1 states (..., steps + 1, D) in motions (B, T, D)."""
     views = np.lib.stride_tricks.sliding_window_view(states, steps + 1, axis=1)
     return np.moveaxis(views, -1, 2).reshape(-1, steps + 1, states.shape[-1])
 
 
 def _for_each(weights: Weights, x: Tensor) -> Tensor:
-    """The same samples for each of the S networks."""
+    """Repeats samples for each of the S networks."""
     networks = len(next(iter(weights.values())))
     return x.expand(networks, *x.shape)

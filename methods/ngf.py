@@ -10,15 +10,16 @@ With q the joints, v their velocity and c = x(1) the context, all standardised, 
     metrics      W    = M / (M + M_f),         M(q, c), M_f(q, c) diagonal and positive
     damping      b(q, v, c) >= 0
 
-The metrics weigh geometry and potential against each other, joint by joint. p_e stands in front of
-all that the geometry contributes, so that the fabric alone (pi_f = 0, b = 0) conserves the kinetic
-energy 1/2 |v|^2 while it bends the path; since 1 - W > 0, a motion can rest only where the gradient
-of Psi vanishes. [M, a], M_f, u and b are networks of the listed size with tanh layers; time is in
-seconds, in semi-implicit Euler steps of a control step.
+The metrics weigh geometry against potential, joint by joint. p_e projects the whole geometry term,
+so the fabric alone (pi_f = 0, b = 0) bends the path and conserves the kinetic energy 1/2 |v|^2.
+Since 1 - W > 0, a motion can rest only where the gradient of Psi vanishes. [M, a], M_f, u and b are
+networks of the listed size with tanh layers. Time is in seconds; integration is semi-implicit Euler
+with steps of one control step.
 
-Training sees stretches of a few steps, each from the joints and the velocity that the demonstration
-has there: backpropagation through all T steps at once takes longer and learns less (on Relocation,
-median: validation error 0.22 after 80 CPU-seconds, of stretches of 20 steps 0.054).
+Training uses windows of a few steps, each from the joints and the velocity of the demonstration at
+that point. Backpropagation through all T steps takes longer and learns less: on Relocation, with
+the median size, the validation error after 80 CPU-seconds is 0.22, and 0.054 with windows of 20
+steps.
 """
 
 from collections.abc import Mapping
@@ -32,18 +33,19 @@ from torch import Tensor
 from methods.base import check_above
 from methods.layers import Weights, linear, linear_weights, sigmoid, softplus
 from methods.network import NetworkConfig, NetworkMethod, windows
+from methods.ngf_gradient import AT_REST, NETWORKS, motion_with_gradient
 from tasks.data import CONTROL_STEP, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
 class NGFConfig(NetworkConfig):
-    """Table 5 gives the layers; the rest is chosen on validation data."""
+    """Layers are those of Table 5; the rest is chosen on validation data."""
 
     hidden: tuple[int, int]
     window: int = 10
-    """Steps of a stretch in training."""
+    """Number of steps of a window in training."""
     stiffness: float = 20.0
-    """k at the beginning of training."""
+    """Initial value of k."""
     epochs: int = 20
     batch_size: int = 32
     learning_rate: float = 4e-3
@@ -58,7 +60,7 @@ class NGF(NetworkMethod):
 
     name = "ngf"
     summary = "geometric fabric: energised geometry, potential and damping"
-    version = 2
+    version = 3
     sizes: ClassVar[Mapping[str, NGFConfig]] = {
         "small": NGFConfig(hidden=(64, 32)),
         "median": NGFConfig(hidden=(128, 64)),
@@ -88,7 +90,7 @@ class NGF(NetworkMethod):
             arrays |= linear_weights(rng, f"{name}0", moving, first)
             arrays |= linear_weights(rng, f"{name}1", first, second)
             arrays |= linear_weights(rng, f"{name}2", second, outputs)
-        # Critical damping of the first potential: below it, motions begin by swinging about.
+        # Critical damping of the initial potential: with less, motions oscillate at first.
         arrays["damping2.bias"] += 2 * self.config.stiffness
         return arrays
 
@@ -97,39 +99,38 @@ class NGF(NetworkMethod):
     ) -> Tensor:
         """Returns the joints after each step."""
         q = start[..., : self.layout.robot_dim]
-        return self._integrate(weights, start, q, torch.zeros_like(q), steps)
+        return integrate(weights, start, q, torch.zeros_like(q), steps)
 
     def samples(self, states: FloatArray) -> list[FloatArray]:
-        """Returns contexts (N, D), and stretches (N, 1 + W + 1, H) of joints."""
+        """Returns contexts (N, D) and windows (N, 1 + W + 1, H) of joints."""
         joints = states[..., : self.layout.robot_dim]
         at_rest = np.concatenate([joints[:, :1], joints], axis=1)
         steps = min(self.config.window, states.shape[1] - 1)
-        stretches = windows(at_rest, steps + 1)
-        return [np.repeat(states[:, 0], len(stretches) // len(states), axis=0), stretches]
+        found = windows(at_rest, steps + 1)
+        return [np.repeat(states[:, 0], len(found) // len(states), axis=0), found]
 
     def loss(self, weights: Weights, *sample: Tensor) -> Tensor:
-        """Returns the mean squared error on stretches, each from its first two rows."""
-        context, stretch = sample
-        q = stretch[:, :, 1]
-        v = (q - stretch[:, :, 0]) / CONTROL_STEP
-        predicted = self._integrate(weights, context, q, v, stretch.shape[2] - 2)
-        return (predicted - stretch[:, :, 2:]).square().mean(dim=(1, 2, 3))
+        """Returns the mean squared error on windows, each predicted from its first two rows."""
+        context, window = sample
+        q = window[:, :, 1]
+        v = (q - window[:, :, 0]) / CONTROL_STEP
+        predicted = motion_with_gradient(weights, context, q, v, window.shape[2] - 2)
+        return (predicted - window[:, :, 2:]).square().mean(dim=(1, 2, 3))
 
-    def _integrate(
-        self, weights: Weights, context: Tensor, q: Tensor, v: Tensor, steps: int
-    ) -> Tensor:
-        names = ("geometry", "metric", "potential", "damping")
-        of_context = {name: linear(weights, f"{name}_context", context) for name in names}
-        motion = []
-        for _ in range(steps):
-            v = v + CONTROL_STEP * acceleration(weights, of_context, q, v)
-            q = q + CONTROL_STEP * v
-            motion.append(q)
-        return torch.stack(motion, dim=2)
+
+def integrate(weights: Weights, context: Tensor, q: Tensor, v: Tensor, steps: int) -> Tensor:
+    """Returns the joints after each step, see `methods.ngf_gradient.motion_with_gradient`."""
+    of_context = {name: linear(weights, f"{name}_context", context) for name in NETWORKS}
+    motion = []
+    for _ in range(steps):
+        v = v + CONTROL_STEP * acceleration(weights, of_context, q, v)
+        q = q + CONTROL_STEP * v
+        motion.append(q)
+    return torch.stack(motion, dim=2)
 
 
 def acceleration(weights: Weights, context: Mapping[str, Tensor], q: Tensor, v: Tensor) -> Tensor:
-    """Returns v' (S, B, H); context holds what c adds to each network's first layer."""
+    """Returns v' (S, B, H). ``context`` holds the contribution of c to each first layer."""
     bend, weight = _network(weights, "geometry", context, q).chunk(2, dim=-1)
     share = sigmoid(weight - _network(weights, "metric", context, q))
     geometry = energised(share * bend * v.square().mean(dim=-1, keepdim=True), v)
@@ -139,13 +140,13 @@ def acceleration(weights: Weights, context: Mapping[str, Tensor], q: Tensor, v: 
 
 
 def energised(force: Tensor, v: Tensor) -> Tensor:
-    """Returns p_e force: without what acts along the motion, and so without work."""
+    """Returns p_e force: the part of a force that does no work along the motion."""
     along = (force * v).sum(dim=-1, keepdim=True)
-    return force - v * along / (v.square().sum(dim=-1, keepdim=True) + 1e-12)
+    return force - v * along / (v.square().sum(dim=-1, keepdim=True) + AT_REST)
 
 
 def potential_gradient(weights: Weights, context: Tensor, q: Tensor) -> Tensor:
-    """Returns grad_q Psi (S, B, H), written out so that it costs as much as Psi."""
+    """Returns grad_q Psi (S, B, H), written out so that it costs no more than Psi."""
     first = torch.tanh(linear(weights, "potential0", q) + context)
     second = torch.tanh(linear(weights, "potential1", first))
     stiffness = weights["stiffness"][:, None]

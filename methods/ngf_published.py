@@ -1,14 +1,14 @@
-"""NGF as published: a causal transformer that writes the whole motion, and one correction a step.
+"""NGF as published: a causal transformer outputs the whole motion, with one correction per step.
 
-The published implementation integrates nothing. Every token is the start [q(1), x_o(1)]; with
-positions added they pass four transformer blocks to the belief b(t), t = 1..T. With the differences
-q' = (b(t) - b(t-1)) / dt, the correction of each step is
+The published implementation does not integrate. Every token is the start [q(1), x_o(1)] plus a
+positional code; four transformer blocks map the tokens to the belief b(t), t = 1..T. With the
+differences q' = (b(t) - b(t-1)) / dt, the correction of each step is
 
     q'' = -P h - grad V + d^2 q',    h = |q'|^2 a(q),  V = |p(q)|^2,  P = I - q' q'^T / |q'|^2
 
-(the sign of the damping is that of the published code), and the motion is
-2 b(t) - b(t-1) + dt^2 q''. The metrics M and M_f do not occur. As there, q and q' carry no gradient
-into a and grad V. Left out, for want of facts: the length of the warm-up, and beta_2 = 0.95.
+(with the damping's sign of the published code), and the motion is 2 b(t) - b(t-1) + dt^2 q''. The
+metrics M and M_f do not occur. As in the published code, no gradient flows through q and q' into a
+and grad V. The warm-up, whose length is not known, and beta_2 = 0.95 are left out.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ CORRECTIONS = ("geometry", "potential", "damping")
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedNGFConfig(NetworkConfig):
-    """The three sizes of Table 5, and the transformer's that belong to them."""
+    """Layers are those of Table 5, with the embedding of the published transformer."""
 
     hidden: tuple[int, int]
     embedding: int
@@ -52,13 +52,13 @@ class PublishedNGFConfig(NetworkConfig):
 
 
 class PublishedNGF(NetworkMethod):
-    """The transformer, and the correction of its motion."""
+    """The transformer and the correction of its motion."""
 
     name = "ngf"
     version = 3
     summary = "causal transformer with one corrected step"
     at_once = 20
-    """What all demonstrations leave behind for the gradients, 143 MB a layer, fits no cache."""
+    """The activations of all demonstrations, 143 MB per layer, would not fit a processor cache."""
     sizes: ClassVar[Mapping[str, PublishedNGFConfig]] = {
         "small": PublishedNGFConfig(hidden=(64, 32), embedding=32),
         "median": PublishedNGFConfig(hidden=(128, 64), embedding=64),
@@ -73,7 +73,7 @@ class PublishedNGF(NetworkMethod):
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"published": {}}
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
-        """Returns weights from normal distributions, and biases of zero."""
+        """Returns weights from normal distributions, and zero biases."""
         dim, joints, width = self.layout.state_dim, self.layout.robot_dim, self.config.embedding
         arrays = _normal_linear(rng, "into", dim, width, 0.02)
         for block in range(BLOCKS):
@@ -102,7 +102,7 @@ class PublishedNGF(NetworkMethod):
         return after + change + DT**2 * self._acceleration(weights, after, change / DT)
 
     def error(self, weights: Weights, motion: Tensor) -> Tensor:
-        """Huber loss of each network on the joints of all T states, (S,)."""
+        """Returns the Huber loss of each network on the joints of all T states, (S,)."""
         predicted = self.unroll(weights, motion[:, :, 0], motion.shape[2] - 1)
         wanted = motion[:, :, 1:, : predicted.shape[-1]]
         return functional.huber_loss(predicted, wanted, reduction="none").mean(dim=(1, 2, 3))
@@ -148,7 +148,7 @@ def _norm(weights: Weights, name: str, x: Tensor) -> Tensor:
 
 
 def _each(weights: Weights, name: str, x: Tensor) -> Tensor:
-    """A linear layer on every token of (S, B, T, I)."""
+    """Applies a linear layer to every token of (S, B, T, I)."""
     return linear(weights, name, x.flatten(1, 2)).unflatten(1, x.shape[1:3])
 
 
@@ -169,6 +169,6 @@ def _attend(weights: Weights, block: int, x: Tensor) -> Tensor:
 
 
 def _positions(length: int, width: int) -> Tensor:
-    """Sinusoidal code of positions from 0, (T, E): sine on even channels, cosine on odd."""
+    """Sinusoidal positional code, (T, E): sine in even channels, cosine in odd ones."""
     angle = torch.arange(length)[:, None] * 10_000 ** (-torch.arange(0, width, 2) / width)
     return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(1)

@@ -16,13 +16,13 @@ from tasks.data import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class NNConfig(NetworkConfig):
-    """Table 2 gives the layers; the rest is chosen on validation data."""
+    """Layers are those of Table 2; the rest is chosen on validation data."""
 
     hidden: tuple[int, ...]
     residual: bool = True
-    """Whether the network gives the change of the state, rather than the state."""
+    """Whether the network outputs the change of the state instead of the next state."""
     window: int = 10
-    """States predicted one after another in training."""
+    """Number of consecutive states predicted in training."""
     epochs: int = 100
     batch_size: int = 128
     learning_rate: float = 1e-3
@@ -33,7 +33,7 @@ class NNConfig(NetworkConfig):
 
 
 class NN(NetworkMethod):
-    """x(t+1) = x(t) + MLP(x(t)); without the first term as published."""
+    """x(t+1) = x(t) + MLP(x(t)); the published variant lacks the first term."""
 
     name = "nn"
     summary = "multilayer perceptron, one state after another"
@@ -64,14 +64,14 @@ class NN(NetworkMethod):
     }
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
-        """Returns the layers from D to D."""
+        """Returns the layers from D to D numbers."""
         dim = self.layout.state_dim
         return mlp_weights(rng, "layer", (dim, *self.config.hidden, dim))
 
     def unroll(
         self, weights: Weights, start: Tensor, steps: int, truth: Tensor | None = None
     ) -> Tensor:
-        """Returns the states that follow, each from the one before."""
+        """Returns the following states, each predicted from the previous one."""
         x, states = start, []
         for t in range(steps):
             x = x if truth is None else truth[:, :, t]
@@ -81,5 +81,5 @@ class NN(NetworkMethod):
         return torch.stack(states, dim=2)
 
     def samples(self, states: FloatArray) -> list[FloatArray]:
-        """Returns all stretches of as many steps as the config says, (N, W + 1, D)."""
+        """Returns all windows of the config's number of steps, (N, W + 1, D)."""
         return [windows(states, min(self.config.window, states.shape[1] - 1))]

@@ -1,7 +1,7 @@
-"""The one training loop: Adam on mini-batches, for every network of the suite.
+"""The training loop of all networks of the suite: Adam on mini-batches.
 
 Networks of several seeds are trained together (see `methods.layers`). Each draws its own weights
-and its own order of samples, and what it becomes does not depend on the others.
+and its own order of samples, and its result does not depend on the others.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,15 +19,15 @@ from tasks.data import FloatArray, generator
 from tasks.errors import InputError, unknown_name
 
 Draw = Callable[[np.random.Generator], dict[str, FloatArray]]
-"""Returns one network's first weights by name."""
+"""Returns one network's initial weights by name."""
 
 
 VECTOR = 16
-"""Numbers of float32 that the widest processors take at a time."""
+"""Number of float32 values in the vectors of the widest processors."""
 
 
 class TrainingError(RuntimeError):
-    """A training came to nothing, for the reason that the message gives."""
+    """A training failed; the message gives the reason."""
 
 
 class Loss(Protocol):
@@ -42,7 +42,7 @@ FRESH_ADAM = ("never", "epoch", "batch")
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """How long and in what steps networks are trained.
+    """Length and step sizes of a training.
 
     Raises:
         InputError: a value is out of range.
@@ -52,14 +52,12 @@ class Schedule:
     batch_size: int
     learning_rate: float
     decay: bool = False
-    """Whether the learning rate falls linearly, to nothing at the end."""
+    """Whether the learning rate falls linearly to zero at the end."""
     fresh_adam: str = "never"
-    """When Adam is made anew, and forgets what it has seen. The published code does so each
-    ``batch`` (NN, LSTM: every step is then the learning rate in the gradient's sign) or each
-    ``epoch`` (NDP)."""
-
+    """When Adam's moments are reset. The published code resets them every ``batch`` (NN, LSTM; each
+    step is then the learning rate times the gradient's sign) or every ``epoch`` (NDP)."""
     weight_decay: float = 0.0
-    """That of AdamW; with none it is Adam."""
+    """Weight decay of AdamW. With 0 it is Adam."""
 
     def __post_init__(self) -> None:
         if self.fresh_adam not in FRESH_ADAM:
@@ -71,13 +69,13 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Trained:
-    """What came of one seed's training."""
+    """The result of one seed's training."""
 
     weights: dict[str, FloatArray]
     losses: FloatArray
     """(epochs,) mean loss of each epoch."""
     validation: FloatArray
-    """(epochs,) validation loss after each epoch; NaN where there is none to choose by."""
+    """(epochs,) validation loss after each epoch; NaN without validation."""
 
 
 def minimise(
@@ -94,17 +92,17 @@ def minimise(
     """Trains one network for each seed.
 
     Args:
-        draw: gives the first weights.
-        loss: what is minimised, in float32.
-        data: arrays whose first axis counts the samples.
+        draw: returns the initial weights.
+        loss: the training loss, in float32.
+        data: arrays whose first axis is the samples.
         schedule: epochs, batch size and learning rate.
-        name: of what is trained: weights and orders of samples are drawn for it and the seed.
-        seeds: one for each network.
-        validate: gives losses (S,); the weights after the epoch where they are lowest are kept,
-            those of the last epoch without it.
-        at_once: samples that pass through a network at a time, a whole mini-batch unless told; the
-            gradients of a larger one are summed piece by piece.
-        fill: whether what a seed becomes must not depend on the seeds beside it, see `_leaf`.
+        name: names the network. Its random numbers depend on the name and the seed.
+        seeds: one seed for each network.
+        validate: returns validation losses (S,). Weights of the epoch with the lowest loss are
+            kept. Default: those of the last epoch.
+        at_once: number of samples that pass through a network at a time; the gradients of larger
+            mini-batches are summed piece by piece. Default: whole mini-batches.
+        fill: whether the result of a seed must not depend on the other seeds, see `_leaves`.
 
     Raises:
         TrainingError: there are no samples, or some seed's loss was never finite.
@@ -112,11 +110,8 @@ def minimise(
     if not len(data[0]):
         raise TrainingError(f"{name} has no samples to learn from")
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
-    weights, leaves = {}, []
-    for key in drawn[0]:
-        stacked = np.stack([one[key] for one in drawn])
-        leaf, weights[key] = _leaf(stacked, VECTOR if fill else 1)
-        leaves.append(leaf)
+    numbers, weights, gradients = _leaves(drawn, VECTOR if fill else 1)
+    leaves = list(weights.values())
     samples = [tensor(array) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
 
@@ -125,7 +120,7 @@ def minimise(
 
     def fresh_adam() -> torch.optim.Optimizer:
         rate, decay = schedule.learning_rate, schedule.weight_decay
-        return torch.optim.AdamW(leaves, rate, weight_decay=decay, fused=True)
+        return torch.optim.AdamW([numbers], rate, weight_decay=decay, fused=True)
 
     optimiser = fresh_adam()
     best = _Best(weights)
@@ -137,10 +132,13 @@ def minimise(
             for rows in order.split(schedule.batch_size, dim=1):
                 optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser
                 optimiser.param_groups[0]["lr"] = next(rates)
-                optimiser.zero_grad()
+                optimiser.zero_grad(set_to_none=False)
                 for piece in rows.split(at_once or schedule.batch_size, dim=1):
                     losses = loss(weights, *(part[piece] for part in samples))
-                    (losses.sum() * (piece.shape[1] / rows.shape[1])).backward()
+                    share = losses.sum() * (piece.shape[1] / rows.shape[1])
+                    slopes = torch.autograd.grad(share, leaves, materialize_grads=True)
+                    for gradient, slope in zip(gradients, slopes, strict=True):
+                        gradient += slope
                     total += losses.detach() * piece.shape[1]
                 optimiser.step()
             with torch.no_grad():
@@ -148,21 +146,34 @@ def minimise(
     return best.chosen(seeds)
 
 
-def _leaf(drawn: FloatArray, vector: int) -> tuple[Tensor, Tensor]:
-    """Returns what Adam is to step, (S, n), and the weights (S, ...) that are a view of it.
+def _leaves(
+    drawn: Sequence[dict[str, FloatArray]], vector: int
+) -> tuple[Tensor, Weights, list[Tensor]]:
+    """Returns all numbers in one tensor for Adam, the weights (S, ...) and their gradients.
 
-    torch's fused Adam rounds the numbers after the last full vector of a tensor in another way. So
-    each network's numbers are filled up to full vectors.
+    Weights and gradients are views of that tensor and of its gradient: a step of Adam on one tensor
+    costs less than a step on each. torch's fused Adam rounds the numbers after the last full vector
+    differently, so each network's numbers are padded to full vectors.
     """
-    flat = drawn.reshape(len(drawn), -1)
-    count = flat.shape[1]
-    filled = np.pad(flat, ((0, 0), (0, -count % vector)))
-    leaf = tensor(filled).requires_grad_()
-    return leaf, leaf[:, :count].view(drawn.shape)
+    arrays = {key: np.stack([one[key] for one in drawn]) for key in drawn[0]}
+    rows = [array.reshape(len(drawn), -1) for array in arrays.values()]
+    filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % vector))) for part in rows]
+    numbers = tensor(np.concatenate([part.ravel() for part in filled]))
+    numbers.grad = torch.zeros_like(numbers)
+
+    def views(flat: Tensor) -> list[Tensor]:
+        parts = flat.split([part.size for part in filled])
+        return [
+            part.view(len(drawn), -1)[:, : row.shape[1]].view(array.shape)
+            for part, row, array in zip(parts, rows, arrays.values(), strict=True)
+        ]
+
+    weights = [weight.requires_grad_() for weight in views(numbers)]
+    return numbers, dict(zip(arrays, weights, strict=True)), views(numbers.grad)
 
 
 class _Best:
-    """The best weights of each network so far."""
+    """Keeps the best weights of each network so far."""
 
     def __init__(self, weights: Weights) -> None:
         self._weights = weights
@@ -172,7 +183,7 @@ class _Best:
         self._validation: list[Tensor] = []
 
     def note(self, losses: Tensor, validation: Tensor | None) -> None:
-        """Keeps the present weights of each network that has improved."""
+        """Stores the current weights of each network that has improved."""
         if validation is None:
             better = losses.isfinite()
             validation = torch.full_like(losses, torch.nan)
@@ -186,7 +197,7 @@ class _Best:
         self._validation.append(validation)
 
     def chosen(self, seeds: Sequence[int]) -> list[Trained]:
-        """Returns what is kept for each seed."""
+        """Returns the kept weights and all losses of each seed."""
         bad = [seed for i, seed in enumerate(seeds) if not self._lowest[i].isfinite()]
         if bad:
             raise TrainingError(f"the loss of seed {bad[0]} was never finite")
@@ -205,7 +216,7 @@ class _Best:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Small batches gain nothing from threads, and one gives the same bits on any machine load."""
+    """Runs torch on one thread, which is as fast for small batches and gives the same bits."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -1,36 +1,35 @@
-"""The answer of a study: on each task, which methods do best and how far the others are behind."""
+"""The answer of a study: which methods do best on each task, and how far others are behind."""
 
 from collections.abc import Sequence
 
 import pandas as pd
 
-from bench.labels import EXPERT
 from reports.compare import compare
+from reports.exhibits.success import success_by_method
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
-from reports.unseen import success_by_method
 from tasks.errors import InputError
 
 LEVEL = 0.05
 HOW = (
     "Two methods are told apart on a task if the 95% interval of their difference on the same"
-    " unseen starts excludes zero and q, the p-value corrected for all pairs, is below"
-    f" {LEVEL:g}; bench compare gives all of them. How far one is behind is that interval, in"
-    " points of success."
+    f" test starts excludes zero and q, the p-value corrected for all pairs, is below {LEVEL:g};"
+    " bench compare lists all pairs. How far a method is behind is that interval, in points of"
+    " success."
 )
 Pair = tuple[str, str]
 Gaps = dict[Pair, tuple[float, float]]
-"""By better and worse method, the interval of the difference in points, where they are apart."""
+"""Interval of the difference in points, by better and worse method, for pairs told apart."""
 
 
 def answer(results: Results) -> list[str]:
-    """Returns one sentence for each task that has results on unseen starts.
+    """Returns one sentence for each task with results on test starts.
 
-    It names the method with the most successes, those that cannot be told from it, and the others
-    with how far they are behind it. The expert does not compete.
+    It names the method with the most success, those that cannot be told apart from it, and how far
+    the others are behind it. The expert does not take part.
     """
-    found = results.main(split="test")
-    found = found[found.method != EXPERT]
+    found = without_expert(results.main(split="test"))
     methods = ordered(found.method, METHODS)
     pairs, shown = _pairs(results, methods), success_by_method(results, "test")
     sentences = []
@@ -39,13 +38,13 @@ def answer(results: Results) -> list[str]:
         column = shown[shown.column == task].set_index("row").value
         rates = {method: float(column[method]) for method in here}
         gaps = _gaps(pairs[pairs.task == task])
-        names = {method: display(method, results.suffixes) for method in here}
+        names = {method: results.display(method) for method in here}
         sentences.append(f"{display(task)}: {_sentence(rates, gaps, names)}.")
     return sentences
 
 
 def _pairs(results: Results, methods: Sequence[str]) -> pd.DataFrame:
-    """The comparisons on unseen starts; none where fewer than two methods have met the same."""
+    """Returns the comparisons on test starts. None if no two methods have common starts."""
     try:
         table = compare(results, methods)
     except InputError:
@@ -89,7 +88,7 @@ def _leaders(
         return (
             f"{names[best]} leads with {share}"
             if len(rates) > 1
-            else f"{names[best]} alone has run, {share}"
+            else f"{names[best]} is the only method, {share}"
         )
     if any(pair in gaps for pair in _ordered_pairs(leaders)):
         others = _listed([names[method] for method in level])

@@ -1,8 +1,9 @@
-"""`bench report`, `pack`, `compare`, `verify` and `video`: show and check stored results."""
+"""`bench report`, `pack`, `compare`, `verify` and `video`: commands that show and check results."""
 
 import json
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,7 +28,7 @@ Stored = Annotated[
 Reference = Annotated[
     bool, typer.Option("--reference", help="Use the shipped results instead of a folder.")
 ]
-Beside = Annotated[
+WithReference = Annotated[
     bool,
     typer.Option("--with-reference", help="Add the shipped results of methods not in the folder."),
 ]
@@ -35,7 +36,7 @@ Mixed = Annotated[
     bool,
     typer.Option(
         "--mixed",
-        help="Show results together that were not run alike, with a note of what differs.",
+        help="Show results together that were run differently, with a note of what differs.",
     ),
 ]
 
@@ -43,7 +44,7 @@ Mixed = Annotated[
 def report(
     folder: Stored = None,
     reference: Reference = False,
-    with_reference: Beside = False,
+    with_reference: WithReference = False,
     mixed: Mixed = False,
     out: Annotated[
         Path | None,
@@ -56,42 +57,44 @@ def report(
         typer.Option(help="File for a table of all episodes, such as episodes.parquet."),
     ] = None,
     tables: Annotated[
-        bool, typer.Option("--tables", help="Print all tables, not that of success alone.")
+        bool, typer.Option("--tables", help="Print all tables, not only that of success.")
     ] = False,
 ) -> None:
-    """Write tables, figures and a web page (index.html) of results. Exit code 3 if one fails."""
+    """Write tables, figures and a web page (index.html). Exit code 3 if one fails."""
     from bench.source import episodes_table
-    from reports.page import SUCCESS
-    from reports.results import Results
     from reports.write import write_report
 
     source = _one_of(folder, reference)
     place = writable_folder(out or (Path("report") if folder is None else folder / "report"))
     if export is not None:
         writable_file(export)
-    with doing("reading results"):
-        results = Results(source, with_reference)
-    if not mixed and not with_reference:
-        results.check_versions()
+    results = _open(source, with_reference, mixed)
     if not reference:  # tests check the shipped results, and this would import torch
         results.check_protocol(results.frame, mixed)
-    with doing("looking at results"):
+    with doing("writing the report"):
         made = write_report(results, place, source / "videos")
     if export is not None:
         with whole_file(export) as file:
             episodes_table(results.source).to_parquet(file, index=False)
     _print_notes(results)
-    for path in made.written:
-        if tables:
-            print(path.read_text())
-        elif path.stem == SUCCESS:
-            title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
-            print(title_and_rows + "\n")
+    _print_tables(made.written, tables)
     tables_written = count_of(len(made.written), "table")
     print("\n".join([*made.answer, "", f"wrote {tables_written} to {place.absolute()}"]))
     print(f"page: {made.page.absolute()}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
+
+
+def _print_tables(paths: Sequence[Path], all_of_them: bool) -> None:
+    """Prints all tables with captions, or that of success without one."""
+    from reports.page import SUCCESS
+
+    for path in paths:
+        if all_of_them:
+            print(path.read_text())
+        elif path.stem == SUCCESS:
+            title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
+            print(title_and_rows + "\n")
 
 
 def pack(
@@ -100,7 +103,7 @@ def pack(
     ],
     out: Annotated[Path, typer.Option(help="Folder of the packed results; made if needed.")],
 ) -> None:
-    """Pack results into a few small files to share: what reports need, without weights."""
+    """Pack what reports need into a few small files to share, without weights."""
     from bench.packed import pack as pack_results
 
     for folder in folders:
@@ -115,40 +118,48 @@ def compare(
     methods: Annotated[
         str,
         typer.Option(
-            help="Two or more comma-separated methods, such as kodex,nn or kodex,expert; a method"
-            " with several labels, such as mine:hidden=64, may stand for all of them."
+            help="Two or more comma-separated methods, such as kodex,nn or kodex,expert. The name"
+            " of a method with several labels, such as mine:hidden=64, stands for all of them."
         ),
     ],
     folder: Stored = None,
     reference: Reference = False,
-    with_reference: Beside = False,
+    with_reference: WithReference = False,
     mixed: Mixed = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare methods on the same starts: difference with 95% interval, p, and corrected p (q)."""
+    """Compare methods on the same starts: difference, 95% interval, p, and corrected p (q)."""
     from reports.compare import compare as compare_methods
-    from reports.compare import compared
-    from reports.results import Results
+    from reports.compare import compared_rows
 
     chosen = names("--methods", methods)
-    results = Results(_one_of(folder, reference), with_reference)
-    if not mixed and not with_reference:
-        results.check_versions()
+    results = _open(_one_of(folder, reference), with_reference, mixed)
     if not reference:
-        results.check_protocol(compared(results, chosen), mixed)
+        results.check_protocol(compared_rows(results, chosen), mixed)
     with doing(f"comparing {', '.join(chosen)}"):
         table = compare_methods(results, chosen)
     if as_json:
         print(table.to_json(orient="records"))
     else:
         marked = {name: name + suffix for name, suffix in results.suffixes.items()}
-        shown = table.assign(left=table.left.replace(marked), right=table.right.replace(marked))
+        shown = table.replace({"left": marked, "right": marked})
         print(shown.to_markdown(index=False, floatfmt=".3g"))
     _print_notes(results, as_json)
 
 
+def _open(source: Path, with_reference: bool, mixed: bool) -> "Results":
+    """Opens results. Raises InputError if they come from several versions and are not mixed."""
+    from reports.results import Results
+
+    with doing("reading results"):
+        results = Results(source, with_reference)
+        if not mixed and not with_reference:
+            results.check_versions()
+    return results
+
+
 def _print_notes(results: "Results", aside: bool = False) -> None:
-    """Prints notes for the reader, to stderr if stdout holds JSON."""
+    """Prints notes for the reader: to stderr if `aside`, since stdout holds JSON."""
     for note in results.notes:
         print(note, file=sys.stderr if aside else sys.stdout)
 
@@ -156,13 +167,15 @@ def _print_notes(results: "Results", aside: bool = False) -> None:
 def verify(
     folder: Stored = None,
     reference: Reference = False,
-    cells: Annotated[int, number(1, "Stored evaluations to repeat, drawn at random.")] = 3,
-    episodes: Annotated[int, number(1, "Episodes to repeat of each, at most.")] = 500,
-    draw: Annotated[int, number(0, "Seed of the draw; another number draws others.")] = 0,
+    cells: Annotated[
+        int, number(1, "Number of stored evaluations to repeat, drawn at random.")
+    ] = 3,
+    episodes: Annotated[int, number(1, "Most episodes to repeat of each.")] = 500,
+    draw: Annotated[int, number(0, "Seed of the draw.")] = 0,
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Repeat some stored fits and evaluations and compare. Exit code 3 if one differs too much.
+    """Repeat some stored fits and evaluations. Exit code 3 if one differs too much.
 
     An evaluation differs too much if its success is outside the 95% interval of the stored one, or
     if any bit differs although kernels were pinned and versions are the same.
@@ -190,7 +203,7 @@ def verify(
 
 
 def _one_of(folder: Path | None, reference: bool) -> Path:
-    """The results folder, or the folder of the shipped results."""
+    """Returns the results folder, or the folder of the shipped results."""
     from bench.packed import shipped
 
     if (folder is None) is not reference:
@@ -226,11 +239,14 @@ def video(
     if drawing is None:
         raise InputError("this machine cannot draw: see `bench doctor`")
     os.environ["MUJOCO_GL"] = drawing
-    from reports.video import film, telling
+    from reports.video import film, success_and_failure
 
     place = writable_folder(out or results / "videos")
     with doing("looking for starts to film"):
-        starts = telling(results, task, chosen[0]) if start is None else {f"start-{start}": start}
+        if start is None:
+            starts = success_and_failure(results, task, chosen[0])
+        else:
+            starts = {f"start-{start}": start}
     for name, index in starts.items():
         path = place / f"{task}-{name}.mp4"
         with doing(f"filming {path.name}"):

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from reports.results import Results
 
 FIRST = 5
-"""Start indices that a row of the table shows."""
+"""Number of start indices in a row of the table."""
 
 
 def failures(
     folder: Annotated[Path, typer.Argument(help="Folder of `bench run` or `bench pack`.")],
     method: Annotated[
         str | None,
-        typer.Option(help="Comma-separated methods, a panel each. Default: all but the expert."),
+        typer.Option(help="Comma-separated methods, one panel each. Default: all but the expert."),
     ] = None,
     task: Annotated[
         str | None, typer.Option(help="Name of a task, such as door. Default: all with results.")
     ] = None,
     split: Annotated[
         str | None,
-        typer.Option(help="Starts: test, or ood (out of distribution). Default: both."),
+        typer.Option(help="Set of starts: test, or ood (out of distribution). Default: both."),
     ] = None,
     seed: Annotated[int | None, number(0, "Seed of the fits. Default: all.")] = None,
     out: Annotated[
@@ -40,36 +40,32 @@ def failures(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show which starts fail, and how: a table, and a picture of the starts of each task.
+    """Show which starts fail and how, in a table and a picture for each task.
 
-    Failed episodes are replayed to see how they failed; packed results hold no fits for that.
+    Failed episodes are replayed to find how they failed. Packed results hold no fits to replay.
     """
     import pandas as pd
 
     from bench.packed import is_packed
-    from reports.failing import count_modes
     from reports.results import Results
-    from tasks.registry import get_task
 
     results = Results(results_folder(folder, packed=True))
     place = writable_folder(out or folder / "pictures")
     tables, pictures = [], []
     for name in _tasks(results, task):
         by_method = _episodes(results, name, method, split, seed)
-        for one, whole in by_method.items():
-            counts = count_modes(get_task(name), whole)
-            tables.append(counts.assign(task=name, method=one, seeds=whole.seed.nunique()))
+        tables.append(_count(name, by_method))
         pictures.append(_draw(name, by_method, place))
     table = pd.concat(tables, ignore_index=True)
     films = [] if is_packed(folder) else _films(folder, table)
     if as_json:
         records = json.loads(table.to_json(orient="records"))
-        said = {"modes": records, "pictures": [str(path) for path in pictures], "films": films}
-        print(json.dumps(said))
+        facts = {"modes": records, "pictures": [str(path) for path in pictures], "films": films}
+        print(json.dumps(facts))
         return
-    print(_for_people(table))
+    print(_as_text(table))
     if is_packed(folder):
-        print("packed results hold no fits, so that how an episode failed is not known")
+        print("packed results hold no fits, so how an episode failed is unknown")
     for path in pictures:
         print(path)
     for film in films:
@@ -77,7 +73,7 @@ def failures(
 
 
 def _tasks(results: "Results", task: str | None) -> list[str]:
-    from reports.starts import SPLITS
+    from reports.results import SPLITS
     from tasks.registry import get_task
 
     found = results.select()
@@ -93,12 +89,12 @@ def _tasks(results: "Results", task: str | None) -> list[str]:
 def _episodes(
     results: "Results", task: str, method: str | None, split: str | None, seed: int | None
 ) -> "dict[str, pd.DataFrame]":
-    """The episodes of each method on a task, on the splits that there are results of."""
+    """Returns the episodes of each method on a task, on all its splits with results."""
     import pandas as pd
 
     from bench.labels import EXPERT
     from reports.failing import episodes
-    from reports.starts import SPLITS
+    from reports.results import SPLITS
 
     if split is not None and split not in SPLITS:
         raise unknown_name("split", split, SPLITS)
@@ -117,6 +113,21 @@ def _episodes(
     return found
 
 
+def _count(task: str, by_method: "dict[str, pd.DataFrame]") -> "pd.DataFrame":
+    """Returns how often each failure mode of each method occurs on a task."""
+    import pandas as pd
+
+    from reports.failing import count_modes
+    from tasks.registry import get_task
+
+    return pd.concat(
+        count_modes(get_task(task), whole).assign(
+            task=task, method=method, seeds=whole.seed.nunique()
+        )
+        for method, whole in by_method.items()
+    )
+
+
 def _draw(task: str, by_method: "dict[str, pd.DataFrame]", folder: Path) -> Path:
     from reports.failing import draw_failures
     from reports.style import style
@@ -129,7 +140,7 @@ def _draw(task: str, by_method: "dict[str, pd.DataFrame]", folder: Path) -> Path
     return path
 
 
-def _for_people(table: "pd.DataFrame") -> str:
+def _as_text(table: "pd.DataFrame") -> str:
     shown = table.assign(
         mode=table["mode"].fillna("-"),
         share=table.share.map("{:.1f}%".format),
@@ -145,11 +156,11 @@ def _for_people(table: "pd.DataFrame") -> str:
 
 
 def _films(folder: Path, table: "pd.DataFrame") -> list[str]:
-    """For each task, the command that films its methods from the first start of a failure."""
-    lost = table[table.split == "test"]
+    """Returns, for each task, the command that films its methods from a start that fails."""
+    failed = table[table.split == "test"]
     return [
         f"bench video {task} --results {shlex.quote(str(folder))}"
         f" --methods {shlex.quote(','.join(part.method.unique()))}"
         f" --start {min(part.starts.iloc[0])}"
-        for task, part in lost.groupby("task", sort=False)
+        for task, part in failed.groupby("task", sort=False)
     ]

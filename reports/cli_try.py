@@ -1,4 +1,4 @@
-"""`bench try`: one method on one task, beside the shipped methods."""
+"""`bench try`: fits one method on one task and compares it with the shipped methods."""
 
 import json
 import shlex
@@ -26,16 +26,18 @@ def try_method(
     method: Annotated[str, typer.Argument(help="Name of a method, such as nn; see `bench list`.")],
     task: Annotated[str, typer.Option(help="Name of a task, such as tool.")] = "door",
     seed: Annotated[int, number(1, "Seed of the method's random numbers.")] = 1,
-    episodes: Annotated[int, number(1, "Episodes, one from each of the first test starts.")] = 200,
+    episodes: Annotated[
+        int, number(1, "Number of episodes, one from each of the first test starts.")
+    ] = 200,
     settings: Settings = None,
     out: Annotated[
         Path, typer.Option(help="Results folder. Rerun the same command to resume.")
     ] = Path("results/try"),
     as_json: AsJson = False,
 ) -> None:
-    """Fit a method on one task and print its success beside the shipped methods.
+    """Fit a method on one task and compare it with the shipped methods.
 
-    It learns from 200 demonstrations, at its default size. Exit code 3 if it fails.
+    The method learns from 200 demonstrations, at its default size. Exit code 3 if it fails.
     """
     from bench.backend import Workers
     from methods.registry import method_names, unusable
@@ -62,17 +64,17 @@ def try_method(
     from reports.results import Results
 
     reference = Results(shipped())
-    beside, unlike = trial.beside(reference), trial.unlike(reference)
+    others, unlike = trial.compare(reference), trial.differing_settings(reference)
     if as_json:
-        print(json.dumps(_as_json(trial, beside, unlike) | {"seconds": seconds}))
+        print(json.dumps(_as_json(trial, others, unlike) | {"seconds": seconds}))
         return
     print(_heading(trial).ljust(80) + f"{seconds:6.0f} s")
-    print(_table(trial, beside))
-    print(_remark(trial, beside, unlike))
+    print(_table(trial, others))
+    print(_remark(trial, others, unlike))
     print(_next_commands(trial, out))
 
 
-def _as_json(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> dict[str, Any]:
+def _as_json(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> dict[str, Any]:
     fit = trial.cell.fit
     return {
         "task": fit.task,
@@ -82,7 +84,7 @@ def _as_json(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> 
         **trial.rate,
         "failures": trial.failures,
         "diverged": trial.diverged,
-        "shipped": beside.to_dict("records"),
+        "shipped": others.to_dict("records"),
         "unlike": unlike.to_dict("records"),
     }
 
@@ -95,21 +97,23 @@ def _heading(trial: "Trial") -> str:
     return " · ".join([f"{name} on {fit.task}", count_of(fit.demos, "demo"), *seed, starts])
 
 
-def _table(trial: "Trial", beside: "pd.DataFrame") -> str:
+def _table(trial: "Trial", others: "pd.DataFrame") -> str:
     import pandas as pd
 
     from reports.style import display
 
     name = trial.cell.fit.method
-    others = {
-        "": beside.method.map(display),
-        "success [%]": [_rate(row) for row in beside.to_dict("records")],
-        "seeds": beside.seeds.astype(str),
-        f"{name} minus it": [_difference(row) for row in beside.to_dict("records")],
+    table = pd.DataFrame({"": [name], "success [%]": [_rate(trial.rate)]})
+    if others.empty:
+        return _indented(table)
+    rows = others.to_dict("records")
+    shipped = {
+        "": others.method.map(display),
+        "success [%]": list(map(_rate, rows)),
+        "seeds": others.seeds.astype(str),
+        f"{name} minus it": list(map(_difference, rows)),
     }
-    tried = pd.DataFrame({"": [name], "success [%]": [_rate(trial.rate)]})
-    table = pd.concat([tried, pd.DataFrame(others)]).fillna("") if len(beside) else tried
-    return _indented(table)
+    return _indented(pd.concat([table, pd.DataFrame(shipped)]).fillna(""))
 
 
 def _indented(table: "pd.DataFrame") -> str:
@@ -125,20 +129,20 @@ def _difference(row: dict[str, Any]) -> str:
     return "{difference:+6.1f} [{difference_low:.1f}, {difference_high:.1f}]".format(**row)
 
 
-def _remark(trial: "Trial", beside: "pd.DataFrame", unlike: "pd.DataFrame") -> str:
-    """Whether the shipped methods can be laid beside it."""
+def _remark(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> str:
+    """Returns what a reader must know of the comparison with the shipped methods."""
     if len(unlike):
         heading = "The shipped methods were run otherwise and are left out:"
         return f"{heading}\n{_indented(unlike)}"
-    if beside.empty:
+    if others.empty:
         return f"No results of other methods on {trial.cell.fit.task} are shipped."
-    fewest = beside.n.min()
+    fewest = others.n.min()
     few = f", on the first {count_of(fewest, 'start')}" if fewest < len(trial.success) else ""
     alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
-    said = f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
+    remark = f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
     if trial.cell.controller:
-        return said
-    return f"{said}\n{trial.cell.fit.method} sees every state, the others only the first one."
+        return remark
+    return f"{remark}\n{trial.cell.fit.method} sees every state, the others only the first one."
 
 
 def _next_commands(trial: "Trial", out: Path) -> str:

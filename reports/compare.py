@@ -1,4 +1,4 @@
-"""`bench compare`: two or more methods on the same starts, task by task."""
+"""`bench compare`: pairs of methods on the same starts of each task."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -8,24 +8,23 @@ from scipy.stats import false_discovery_control
 
 from bench.doing import say
 from bench.labels import labels_of
-from reports.results import Results
+from reports.results import SPLITS, Results
 from reports.stats import paired_difference
 from reports.style import TASKS
 from tasks.data import BoolArray
 from tasks.errors import InputError
 
-SPLITS = ("test", "ood")
-
 
 def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
-    """Returns one row for each task, split and pair of methods, on the seeds and starts of both.
+    """Returns one row for each task, split and pair of methods, on common seeds and starts.
 
-    Columns: ``task``, ``split``, ``left``, ``right``; success of both and its ``difference`` with
-    the 95% interval ``low`` to ``high``, in per cent and points; ``p`` and ``q``, the same after
-    control of the false discovery rate over all rows (Benjamini and Hochberg); ``n`` starts.
+    Columns: ``task``, ``split``, ``left``, ``right``; ``left rate`` and ``right rate`` [%]; their
+    ``difference`` in points with the 95% interval ``low`` to ``high``; ``p``, and ``q``, which is p
+    after control of the false discovery rate over all rows (Benjamini and Hochberg); ``n`` starts.
 
     Raises:
-        InputError: fewer than two methods, one of which there are no results, or no common starts.
+        InputError: there are fewer than two methods, a method has no results, or no two methods
+            have common starts.
     """
     methods = _labels(results, methods)
     if len(methods) < 2:
@@ -35,7 +34,7 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
         for split in SPLITS:
             say(f"comparing {', '.join(methods)} on {task}, {split}")
             for names in combinations(methods, 2):
-                left, right = results.successes([_at(results, m, task, split) for m in names])
+                left, right = results.paired_success([_at(results, m, task, split) for m in names])
                 if left is not None and right is not None:
                     found = _difference(left, right, f"{task} {split} {' '.join(names)}")
                     place = {"task": task, "split": split, "left": names[0], "right": names[1]}
@@ -46,8 +45,8 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     return table.assign(q=false_discovery_control(table.p))
 
 
-def compared(results: Results, methods: Sequence[str]) -> pd.DataFrame:
-    """Returns the evaluations of methods that `compare` lays beside each other."""
+def compared_rows(results: Results, methods: Sequence[str]) -> pd.DataFrame:
+    """Returns the evaluations that `compare` compares."""
     parts = [
         results.main(method=method, split=split, controller=_controller(results, method))
         for method in _labels(results, methods)
@@ -57,7 +56,7 @@ def compared(results: Results, methods: Sequence[str]) -> pd.DataFrame:
 
 
 def _labels(results: Results, names: Sequence[str]) -> list[str]:
-    """The labels that the names of methods stand for, each once."""
+    """Returns the distinct labels that the names of methods stand for."""
     known = list(results.select().method.unique())
     return list(dict.fromkeys(label for name in names for label in labels_of(name, known)))
 
@@ -73,13 +72,13 @@ def _at(results: Results, method: str, task: str, split: str) -> dict[str, str]:
 
 
 def _difference(left: BoolArray, right: BoolArray, name: str) -> dict[str, float]:
-    found = paired_difference(left, right, name)
+    found = paired_difference(left, right, name).in_points
     return {
         "left rate": 100 * left.mean(),
         "right rate": 100 * right.mean(),
-        "difference": 100 * found.value,
-        "low": 100 * found.low,
-        "high": 100 * found.high,
+        "difference": found.value,
+        "low": found.low,
+        "high": found.high,
         "p": found.p,
         "n": left.shape[1],
     }

@@ -9,8 +9,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bench.packed import is_packed
-from reports.results import Results
-from reports.starts import SPLITS, draw_starts, start_values
+from reports.charts import add_marker_legend
+from reports.results import SPLITS, Results
+from reports.starts import draw_starts, start_values
 from reports.style import METHODS, display, ordered
 from tasks.errors import InputError, unknown_name
 from tasks.words import count_of
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
     from tasks.base import Task
 
 SHOWN = 500
-"""Starts of a split that a picture shows, the first ones."""
+"""Number of starts of a split in a picture, the first ones."""
 ELSEWHERE = "succeeds when replayed"
-"""Stands for a failure mode of a stored failure of another machine, whose last digits differ."""
+"""Mode of an episode that failed on another machine, whose numbers differ in the last digits."""
 SUCCESS: dict[str, Any] = {"color": "#9cc3de", "marker": "o", "s": 12, "linewidths": 0}
 FAILURES = (
     {"color": "#7a1f00", "marker": "x", "s": 26, "linewidths": 1.2},
@@ -31,7 +32,7 @@ FAILURES = (
     {"color": "#222222", "marker": "+", "s": 30, "linewidths": 1.2},
     {"color": "#cc78bc", "marker": "D", "s": 16, "linewidths": 0},
 )
-"""How starts are drawn: of a success, and of each failure mode in the order of the task."""
+"""How starts are drawn, by failure mode in the order of the task."""
 
 
 def failures(
@@ -41,8 +42,9 @@ def failures(
 
     Columns: ``start`` its index, ``seed``, ``split``, ``mode`` how it failed (see
     `tasks.base.Task.failure_modes`), a column for each number of the start, in its unit, and
-    ``steps`` the control steps taken. Failed episodes are replayed to see how they failed, a
-    package's method in a process of its own. Packed results hold no fits: ``mode`` is None there.
+    ``steps`` the control steps taken. Failed episodes are replayed to find their modes; the method
+    of a package is replayed in a separate process. In packed results, which hold no fits, ``mode``
+    is None.
 
     Args:
         folder: results of `bench run` or `bench pack`.
@@ -52,8 +54,8 @@ def failures(
         seed: of the fit. Default: all.
 
     Raises:
-        InputError: there is no such task or split, or there are no results of the method or seed;
-            or an episode cannot be replayed, see `bench.replay.replay`.
+        InputError: there is no such task or split, or no results of the method or seed, or an
+            episode cannot be replayed, see `bench.replay.replay`.
     """
     whole = episodes(folder, task, method, split, seed)
     return whole[~whole.success].drop(columns="success").reset_index(drop=True)
@@ -62,7 +64,7 @@ def failures(
 def episodes(
     folder: Path, task: str, method: str, split: str = "test", seed: int | None = None
 ) -> pd.DataFrame:
-    """Returns what `failures` does of all episodes, with a column ``success``; no mode for one."""
+    """Returns all episodes, as `failures` does, with a column ``success``."""
     results = Results(folder)
     found = evaluations(results, task, method, split, seed)
     return pd.concat([_episodes(results, row) for row in found], ignore_index=True)
@@ -84,10 +86,11 @@ def _episodes(results: Results, row: dict[str, Any]) -> pd.DataFrame:
 
 
 def _modes(folder: Path, task: "Task", row: dict[str, Any], failed: Sequence[int]) -> Sequence[str]:
+    """Replays episodes that failed from these starts and returns their modes."""
     from bench.replay import replay  # imports torch
 
-    what = f"{row['method']}, seed {row['seed']}, {row['task']}, {row['split']}"
-    print(f"replaying {count_of(len(failed), 'failed episode')}: {what}", file=sys.stderr)
+    fit = f"{row['method']}, seed {row['seed']}, {row['task']}, {row['split']}"
+    print(f"replaying {count_of(len(failed), 'failed episode')}: {fit}", file=sys.stderr)
     seen = replay(folder, row, failed)
     return [str(mode) or ELSEWHERE for mode in task.modes(seen.episodes, seen.watched)]
 
@@ -95,7 +98,7 @@ def _modes(folder: Path, task: "Task", row: dict[str, Any], failed: Sequence[int
 def evaluations(
     results: Results, task: str, method: str, split: str, seed: int | None
 ) -> list[dict[str, Any]]:
-    """Returns rows of the frame, by seed; see `failures` for what is given and raised."""
+    """Returns rows of the frame, by seed. Arguments and errors are those of `failures`."""
     from tasks.registry import get_task  # imports MuJoCo
 
     get_task(task)
@@ -119,18 +122,18 @@ def evaluations(
 def count_modes(task: "Task", whole: pd.DataFrame) -> pd.DataFrame:
     """Returns how often each failure mode occurs, in the task's order.
 
-    Columns: ``split``, ``mode``, ``failed``, ``episodes`` in all, ``share`` [%], and ``starts``, a
-    list of all their indices.
+    Columns: ``split``, ``mode``, ``failed`` and ``episodes`` in numbers, ``share`` [%], and
+    ``starts``, the list of their indices.
 
     Args:
-        task: whose modes they are.
+        task: of the episodes.
         whole: as `episodes` returns it, of one method.
     """
     rows = []
     for split, part in whole.groupby("split", sort=False):
-        lost = part[~part.success]
-        for mode in known_modes(task, lost):
-            starts = lost.start[lost["mode"].isna() if mode is None else lost["mode"] == mode]
+        failed = part[~part.success]
+        for mode in modes_of(task, failed):
+            starts = failed.start[failed["mode"].isna() if mode is None else failed["mode"] == mode]
             rows.append(
                 {
                     "split": split,
@@ -144,39 +147,34 @@ def count_modes(task: "Task", whole: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["split", "mode", "failed", "episodes", "share", "starts"])
 
 
-def known_modes(task: "Task", lost: pd.DataFrame) -> list[Any]:
-    """Returns the failure modes that occur, in the task's order."""
+def modes_of(task: "Task", failed: pd.DataFrame) -> list[Any]:
+    """Returns the failure modes that occur, in the task's order. None is an unknown mode."""
     from tasks.base import DIVERGED  # imports MuJoCo
 
     order = (DIVERGED, *task.failure_modes, ELSEWHERE, None)
-    found = set(lost["mode"])
+    found = set(failed["mode"])
     return [mode for mode in order if mode in found]
 
 
 def draw_failures(task: "Task", by_method: dict[str, pd.DataFrame]) -> Figure:
-    """Returns the first starts of the lowest seed of each method, by success and failure mode.
+    """Returns the first starts of each method's lowest seed, by success and failure mode.
 
     Args:
-        task: whose starts they are.
+        task: of the starts.
         by_method: as `episodes` returns them.
     """
     names = ordered(by_method, METHODS)
     firsts = {name: by_method[name][lambda part: part.seed == part.seed.min()] for name in names}
-    together = pd.concat(firsts.values())
-    modes = known_modes(task, together[~together.success])
-    looks = {"success": SUCCESS} if together.success.any() else {}
-    for place, mode in enumerate(modes):
-        looks[mode or "failure"] = FAILURES[place % len(FAILURES)]
+    looks = _looks(task, pd.concat(firsts.values()))
     drawing = Figure(figsize=(max(3.1 * len(firsts), 5.2), 3.7), layout="constrained")
     panels = drawing.subplots(1, len(firsts), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (method, part) in zip(panels, firsts.items(), strict=True):
         outcome = part["mode"].fillna("failure").where(~part.success, "success")
-        shown = part.assign(outcome=outcome)[part.start < SHOWN]
-        draw_starts(axes, task, shown, looks)
+        draw_starts(axes, task, part.assign(outcome=outcome)[part.start < SHOWN], looks)
         axes.label_outer()
-        lost = int((~part.success).sum())
+        failed = int((~part.success).sum())
         axes.set_title(
-            f"{display(method)}, seed {part.seed.min()}: {lost:,} of {len(part):,} fail",
+            f"{display(method)}, seed {part.seed.min()}: {failed:,} of {len(part):,} fail",
             fontsize=10,
         )
     drawing.suptitle(
@@ -184,8 +182,13 @@ def draw_failures(task: "Task", by_method: dict[str, pd.DataFrame]) -> Figure:
         " distribution)",
         fontsize=11,
     )
-    handles = [panels[0].scatter([], [], label=name, **how) for name, how in looks.items()]
-    drawing.legend(
-        handles=handles, frameon=False, loc="outside lower center", ncols=min(len(handles), 3)
-    )
+    add_marker_legend(drawing, looks)
     return drawing
+
+
+def _looks(task: "Task", whole: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Returns how starts are drawn, for each outcome that occurs."""
+    looks = {"success": SUCCESS} if whole.success.any() else {}
+    for place, mode in enumerate(modes_of(task, whole[~whole.success])):
+        looks[mode or "failure"] = FAILURES[place % len(FAILURES)]
+    return looks

@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML page: no network, nothing but itself."""
+"""The report as one self-contained HTML page, which needs no network."""
 
 import base64
 import json
@@ -13,15 +13,15 @@ from markupsafe import Markup
 
 from reports.answer import HOW
 from reports.exhibit import PARTS, Exhibit
-from reports.front import failures, strips, study
+from reports.opening import first_failures, strips, study_facts
 from reports.results import Results
 from reports.style import INK, ON_DARK, display
 
 TEMPLATES = Path(__file__).with_name("templates")
 NONCE = "kodex-bench"
-"""Of the page's own style and script. The page is a file: nobody else's text is ever let through
-unescaped, and the policy stops what would slip in."""
-SUCCESS = "unseen"
+"""Admits the page's own style and script. All other text is escaped, and the content policy blocks
+what would slip through."""
+SUCCESS = "success"
 """The exhibit that the page opens with."""
 _FOLLOWS = {
     **dict.fromkeys(("#000000", "#262626", INK), "currentColor"),
@@ -29,7 +29,7 @@ _FOLLOWS = {
     **dict.fromkeys(("#cccccc", "#b0b0b0"), "var(--line)"),
     **{colour: f"var(--{colour[1:]})" for colour in ON_DARK},
 }
-"""By colour of a figure's file, the one that follows the theme of the page."""
+"""Replacements that follow the theme of the page, for the colours of figures."""
 
 
 def render(
@@ -46,18 +46,18 @@ def render(
 
     Args:
         results: of a run.
-        tables: by name of exhibit; exhibits without one are named as missing.
+        tables: by name of exhibit. Exhibits without one are listed as missing.
         exhibits: in the order of the page.
-        claims: as `reports.claims.verdicts` gives them.
-        figures: where the SVG files of the exhibits are.
-        films: where the MP4 files of `bench video` are, if there are any.
-        failed: by title, why an exhibit or a claim could not be made.
-        answer: as `reports.answer.answer` gives it.
+        claims: as `reports.verdicts.verdicts` returns them.
+        figures: folder of the exhibits' SVG files.
+        films: folder of the MP4 files of `bench video`.
+        failed: reasons for missing exhibits and claims, by title.
+        answer: as `reports.answer.answer` returns it.
     """
     shown = [exhibit for exhibit in exhibits if exhibit.name in tables]
     failed = failed or {}
-    left = (exhibit.title for exhibit in exhibits if exhibit.name not in tables)
-    missing = [title for title in left if title not in failed]
+    absent = (exhibit.title for exhibit in exhibits if exhibit.name not in tables)
+    missing = [title for title in absent if title not in failed]
     paths = sorted(films.glob("[!.]*.mp4")) if films else []
     anchors = {path.stem: f"film-{path.stem}" for path in paths}
     first = next((exhibit for exhibit in shown if exhibit.name == SUCCESS), None)
@@ -67,7 +67,7 @@ def render(
         nonce=NONCE,
         on_dark=ON_DARK,
         notes=results.notes,
-        study=study(results),
+        study=study_facts(results),
         answer=answer,
         how=HOW,
         success=first and strips(results, first, tables[SUCCESS]),
@@ -77,7 +77,7 @@ def render(
             part: [_shown(one, tables[one.name], figures) for one in shown if one.part == part]
             for part in PARTS
         },
-        failures=failures(results, anchors),
+        failures=first_failures(results, anchors),
         films=[_film(path) | {"anchor": anchors[path.stem]} for path in paths],
         missing=missing,
         failed=failed,
@@ -103,7 +103,7 @@ def _shown(exhibit: Exhibit, table: pd.DataFrame, figures: Path) -> dict[str, ob
 
 
 def _claim(claim: dict[str, Any]) -> dict[str, Any]:
-    """A claim with the verdict of the paper's tables in a word, see `reports.claims`."""
+    """Adds the verdict in the paper's tables as one word, see `reports.verdicts`."""
     word = claim["paper"].split(" ")[0]
     return claim | {"paper_word": word if word in ("holds", "fails") else "no numbers"}
 
@@ -113,7 +113,7 @@ def _counts(claims: pd.DataFrame) -> dict[str, int]:
 
 
 def _breakable(text: str) -> str:
-    """Text that breaks before its interval and the paper's number alone, where a line is short."""
+    """Returns text in which a line can only break before the interval and the paper's number."""
     return re.sub(r" (?![\[(])", "\u00a0", text)
 
 
@@ -124,7 +124,7 @@ def _film(path: Path) -> dict[str, str]:
 
 
 def _inline(name: str, svg: str) -> Markup:
-    """An SVG that matplotlib drew, as part of a page: ids of its own, no style, no metadata.
+    """Returns an SVG of matplotlib as part of a page: with distinct ids, and no style or metadata.
 
     matplotlib escapes the texts that it draws.
     """
@@ -138,7 +138,7 @@ def _inline(name: str, svg: str) -> Markup:
 
 
 def _as_attributes(style: re.Match[str]) -> str:
-    """A style attribute as presentation attributes, which a strict content policy allows."""
+    """Returns a style attribute as presentation attributes, which the content policy allows."""
     pairs = (part.split(":", 1) for part in style.group(1).split(";") if ":" in part)
     return "".join(f' {name.strip()}="{value.strip()}"' for name, value in pairs)
 

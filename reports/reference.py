@@ -1,18 +1,18 @@
-"""The results of a run, beside the shipped ones."""
+"""The results of a run, with the shipped results of the methods that it lacks."""
 
 from bench.combined import CombinedResults
 from bench.packed import Packed, shipped
 from bench.source import Source
 
 
-class Beside(CombinedResults):
-    """Results of a run, and beside them the shipped ones of methods that the run has not."""
+class WithShippedMethods(CombinedResults):
+    """The results of a run, and the shipped results of methods that it lacks."""
 
     def __init__(self, own: Source) -> None:
-        """Takes the results of the run.
+        """Joins the results of the run with the shipped ones.
 
         Raises:
-            InputError: nothing is shipped.
+            InputError: no results are shipped.
         """
         reference = Packed(shipped())
         mine, theirs = own.frame(), reference.frame()
@@ -20,9 +20,9 @@ class Beside(CombinedResults):
         super().__init__([(own, mine), (reference, theirs)])
         self._own = own
         self.methods = tuple(theirs.method.unique())
-        """The methods whose results are the shipped ones."""
+        """The methods with shipped results."""
 
     def notes(self) -> list[str]:
-        """See `bench.source.Source.notes`; says which methods come from another machine."""
+        """See `bench.source.Source.notes`. A further note names the shipped methods."""
         origin = f"From another machine, as shipped: {', '.join(self.methods) or 'nothing'}."
         return [*self._own.notes(), origin]

@@ -1,4 +1,4 @@
-"""What captions say of methods and controllers that were made otherwise than others beside them."""
+"""Sentences for captions about methods and controllers that learnt from other demonstrations."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,37 +7,41 @@ import pandas as pd
 
 from bench.controller_kinds import ON_SUCCESSES, TUNED, UNCLIPPED
 from bench.labels import EXPERT
+from reports.pairing import demos_of_expert, without_expert
 from reports.style import TASKS, display, ordered
 
 OWN = " (suite's own)"
-"""Follows the expert's name where methods learnt from other demonstrations than the expert's."""
+"""Text after the expert's name where methods did not learn from the expert's demonstrations."""
 
 
 @dataclass(frozen=True)
 class Remark:
-    """A sentence for the captions of the exhibits that it concerns."""
+    """A sentence for the captions of some exhibits: of those that show its names and tasks."""
 
     text: str
     names: frozenset[str]
-    """It concerns exhibits that show one of these methods or controllers ..."""
+    """Methods or controllers, one of which the exhibit must show."""
     tasks: frozenset[str]
-    """... on one of these tasks."""
+    """Tasks, one of which the exhibit must show."""
 
     def concerns(self, shown: Iterable[str]) -> bool:
-        """Whether it concerns an exhibit that shows these; one that names no task shows all."""
+        """Returns whether it concerns an exhibit that shows these words.
+
+        An exhibit that names no task shows all tasks.
+        """
         tasks = set(shown).intersection(TASKS)
         return not self.names.isdisjoint(shown) and (not tasks or not self.tasks.isdisjoint(tasks))
 
 
 def remarks_on_the_expert(frame: pd.DataFrame) -> list[Remark]:
-    """Returns what to say where methods learnt from other demonstrations than the suite's expert's.
+    """Returns the remarks on tasks where methods did not learn from the expert's demonstrations.
 
     Args:
-        frame: as `bench.source.Source.frame` gives it.
+        frame: as `bench.source.Source.frame` returns it.
     """
-    recipes = frame[frame.method == EXPERT].drop_duplicates("task").set_index("task").demos_key
-    methods = frame[(frame.method != EXPERT) & frame.task.isin(recipes.index)]
-    others = methods[methods.demos_key != methods.task.map(recipes)]
+    own = demos_of_expert(frame)
+    learnt = without_expert(frame[frame.task.isin(own)])
+    others = learnt[learnt.demos_key != learnt.task.map(own)]
     tasks = ordered(others.task, TASKS)
     if not tasks:
         return []

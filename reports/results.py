@@ -1,4 +1,4 @@
-"""What the exhibits are made from: stored evaluations and diagnostics, summed up."""
+"""Stored evaluations and diagnostics, selected and summed up for exhibits."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -15,43 +15,46 @@ from bench.packed import SHIPPED, open_results
 from bench.selection import best_size
 from bench.source import Source
 from methods.base import Parameters
-from reports.alike import on_common_ground
-from reports.protocol import MARK, Unlike, differences
-from reports.reference import Beside
+from reports.mixed import MARK, MixedProtocols
+from reports.pairing import keep_common
+from reports.protocol import differences
+from reports.reference import WithShippedMethods
 from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.stats import rate_interval
-from reports.style import METHODS, TASKS, ordered
+from reports.style import METHODS, TASKS, display, ordered
 from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 from tasks.registry import APPENDIX
 
 SIZES = ("small", "median", "large")
+SPLITS = ("test", "ood")
+"""The splits on which methods are compared: in and out of distribution."""
 
 
 class Results:
     """The results of a run."""
 
-    unlike: Unlike | None = None
-    """Rows that cannot be compared and are shown all the same."""
+    mixed: MixedProtocols | None = None
+    """Rows that cannot be compared and are shown nevertheless."""
 
-    def __init__(self, folder: Path, beside: bool = False) -> None:
+    def __init__(self, folder: Path, with_shipped: bool = False) -> None:
         """Opens results.
 
         Args:
-            folder: of `bench run`, or of `bench pack`.
-            beside: whether to lay the shipped results of other methods beside them.
+            folder: of `bench run` or `bench pack`.
+            with_shipped: whether to add the shipped results of other methods.
 
         Raises:
-            InputError: see `reports.reference.Beside`.
+            InputError: see `reports.reference.WithShippedMethods`.
         """
         self.folder = folder
         self.source: Source = open_results(folder)
-        if beside:
-            self.source = Beside(self.source)
+        if with_shipped:
+            self.source = WithShippedMethods(self.source)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each stored evaluation, task by task, under the labels of `bench.labels`.
+        """One row for each stored evaluation, by task, with the labels of `bench.labels`.
 
         Raises:
             InputError: there are none.
@@ -68,29 +71,33 @@ class Results:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must know of the whole, such as a reduced protocol."""
-        return self.source.notes() + (self.unlike.notes if self.unlike else [])
+        """What a reader must know of all results, such as a reduced protocol."""
+        return self.source.notes() + (self.mixed.notes if self.mixed else [])
 
     @cached_property
     def remarks(self) -> list[Remark]:
-        """What the captions of exhibits say of methods and controllers that they show."""
+        """What the captions of exhibits say of their methods and controllers."""
         found = remarks_on_the_expert(self.frame)
-        return [*found, self.unlike.remark] if self.unlike else found
+        return [*found, self.mixed.remark] if self.mixed else found
 
     @cached_property
     def suffixes(self) -> dict[str, str]:
-        """By method, what follows its name in tables and figures."""
-        marked = dict.fromkeys(self.unlike.marked, MARK) if self.unlike else {}
+        """Text after the name of a method in tables and figures, by method."""
+        marked = dict.fromkeys(self.mixed.marked, MARK) if self.mixed else {}
         return marked | ({EXPERT: OWN} if remarks_on_the_expert(self.frame) else {})
+
+    def display(self, method: str) -> str:
+        """Returns the name of a method as readers see it."""
+        return display(method, self.suffixes)
 
     @cached_property
     def own(self) -> frozenset[str]:
-        """The methods that are not the suite's."""
+        """The user's methods: those that are not the suite's."""
         return frozenset(self.frame.method.unique()) - frozenset(METHODS)
 
     @property
     def name(self) -> str:
-        """How people call the study: the name of its folder."""
+        """The name of the study for readers: that of its folder."""
         return "the shipped results" if self.folder == SHIPPED else self.folder.absolute().name
 
     @cached_property
@@ -101,7 +108,7 @@ class Results:
 
     @cached_property
     def provenance(self) -> list[dict[str, Any]]:
-        """The hosts and versions that the fits come from, each once."""
+        """The distinct hosts and versions of the fits."""
         facts = [self.source.facts(folder) for folder in self.frame.folder.unique()]
         origins = [{"host": one["host"], "versions": one["versions"]} for one in facts]
         return [origin for i, origin in enumerate(origins) if origin not in origins[:i]]
@@ -114,39 +121,39 @@ class Results:
             if len(found) > 1:
                 raise InputError(
                     f"the fits come from {library} {' and '.join(found)}, whose numbers need not"
-                    " compare: give --mixed to show them all the same"
+                    " compare: give --mixed to show them nevertheless"
                 )
 
     def check_protocol(self, rows: pd.DataFrame, mixed: bool = False) -> None:
         """Checks that rows of the frame can be compared, see `reports.protocol.differences`.
 
         Args:
-            rows: that are laid beside each other.
-            mixed: whether to show all the same those that cannot be compared; notes, captions and
+            rows: to be compared.
+            mixed: whether to show rows that cannot be compared nevertheless. Notes, captions and
                 names then say what differs.
 
         Raises:
-            InputError: rows cannot be compared, and are not to be mixed.
+            InputError: rows cannot be compared, and `mixed` is false.
         """
         experts = self.frame[self.frame.method == EXPERT]
         found = differences(pd.concat([rows, experts]), self.controller_spec)
         if found.empty:
             return
-        shipped = self.source.methods if isinstance(self.source, Beside) else ()
-        unlike = Unlike(found, self.folder, shipped)
+        shipped = self.source.methods if isinstance(self.source, WithShippedMethods) else ()
+        protocols = MixedProtocols(found, self.folder, shipped)
         if not mixed:
-            raise unlike.refusal(rows)
-        self.unlike = unlike
+            raise protocols.error(rows)
+        self.mixed = protocols
 
     def diagnostics(self, folder: str) -> Parameters:
-        """Returns the diagnostics of the fit in a folder that the frame names."""
+        """Returns the diagnostics of a fit, given its ``folder`` in the frame."""
         return self.source.diagnostics(folder)
 
     def eigenvalues(self, folder: str) -> FloatArray:
-        """Returns the real and imaginary parts (p, 2) of the eigenvalues that a fit has stored.
+        """Returns the real and imaginary parts (p, 2) of a fit's stored eigenvalues.
 
         Raises:
-            InputError: it has stored none, or something else.
+            InputError: none are stored, or they have another shape or are not finite.
         """
         found = self._diagnostic(folder, "eigenvalues")
         if found.ndim != 2 or found.shape[1] != 2 or not found.size or not np.isfinite(found).all():
@@ -156,10 +163,10 @@ class Results:
         return found
 
     def imitation_error(self, folder: str) -> float:
-        """Returns the mean imitation error over joints that a fit has stored.
+        """Returns the mean over joints of a fit's stored imitation error.
 
         Raises:
-            InputError: it has stored none.
+            InputError: none is stored.
         """
         return float(self._diagnostic(folder, "imitation_error").mean())
 
@@ -170,7 +177,7 @@ class Results:
         return found[name]
 
     def controller_spec(self, key: str) -> dict[str, Any]:
-        """Returns the fields of the controller with a key that the frame names."""
+        """Returns the fields of a controller, given its ``controller_key`` in the frame."""
         return self.source.controller_spec(key)
 
     def outcomes(self, row: dict[str, Any]) -> pd.DataFrame:
@@ -178,48 +185,47 @@ class Results:
         return self.source.outcomes(row)
 
     def readings(self, row: dict[str, Any]) -> NDArray[np.float32] | None:
-        """Returns the readings (B, T-1) of a row of the frame; None where they are not kept."""
+        """Returns the readings (B, T-1) of a row of the frame. None if they are not stored."""
         return self.source.readings(row)
 
     def success(self, **values: object) -> BoolArray | None:
-        """Returns success of each seed's fit from each start, (S, N), of what `main` selects.
+        """Returns success (S, N) of each seed's fit from each start, for rows of `main`.
 
-        None where there are no results; only the starts that all seeds have met are returned.
+        The starts are those that all seeds have met. None if there are no such rows.
         """
         place = tuple(sorted(values.items()))
-        if place not in self._successes:
-            self._successes[place] = self.successes([values])[0]
-        return self._successes[place]
+        if place not in self._success:
+            self._success[place] = self.paired_success([values])[0]
+        return self._success[place]
 
     @cached_property
-    def _successes(self) -> dict[tuple[tuple[str, object], ...], BoolArray | None]:
-        """By what was selected, what `success` has returned: claims ask for the same repeatedly."""
+    def _success(self) -> dict[tuple[tuple[str, object], ...], BoolArray | None]:
+        """Cache of `success`, by its arguments."""
         return {}
 
-    def successes(self, selections: Sequence[Mapping[str, object]]) -> list[BoolArray | None]:
-        """Returns what `success` does for several selections of a task, on common seeds and starts.
+    def paired_success(self, selections: Sequence[Mapping[str, object]]) -> list[BoolArray | None]:
+        """Returns `success` of several selections of a task, on common seeds and starts.
 
-        See `reports.alike.on_common_ground`.
+        See `reports.pairing.keep_common`.
         """
         parts = [self.main(**values).assign(place=i) for i, values in enumerate(selections)]
-        found = on_common_ground(pd.concat(parts), "place")
+        found = keep_common(pd.concat(parts), "place")
         chosen = (found[found.place == i].sort_values("seed") for i in range(len(parts)))
-        return [self._stacked(self._episodes(one)) if len(one) else None for one in chosen]
+        return [_stacked(self._episodes(one)) if len(one) else None for one in chosen]
 
     def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-        """Returns one row for each group: success over its seeds, in per cent.
+        """Returns success [%] over the seeds of each group of evaluations.
 
-        Of a task those starts count that all its fits have met, and the seeds of all methods, see
-        `reports.alike.on_common_ground`.
+        Only common seeds and starts of a task count, see `reports.pairing.keep_common`.
 
-        Columns: those of by, ``value`` the mean, ``spread`` the population standard deviation over
-        seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each,
-        ``diverged``.
+        Columns: those of `by`, ``value`` the mean, ``spread`` the population standard deviation
+        over seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each seed,
+        ``diverged`` episodes of all seeds.
         """
         rows = []
-        for names, group in on_common_ground(evaluations).groupby(list(by), sort=False):
+        for names, group in keep_common(evaluations).groupby(list(by), sort=False):
             episodes = self._episodes(group)
-            success = self._stacked(episodes)
+            success = _stacked(episodes)
             share = 100 * success.mean(axis=1)
             low, high = rate_interval(success, names)
             rows.append(
@@ -238,19 +244,15 @@ class Results:
         return pd.DataFrame(rows, columns=columns)
 
     def _episodes(self, evaluations: pd.DataFrame) -> list[pd.DataFrame]:
-        """The first episodes of each evaluation, as many as its row says."""
+        """Returns the first ``episodes`` episodes of each evaluation."""
         rows = evaluations.to_dict("records")
         return [self.outcomes(row).iloc[: row["episodes"]] for row in rows]
-
-    @staticmethod
-    def _stacked(episodes: Sequence[pd.DataFrame]) -> BoolArray:
-        return np.stack([one.success.to_numpy(bool) for one in episodes])
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values.
 
-        Unless told: of nominal physics, of the methods as described, judged by appendix C, and not
-        with the controllers that `audit` alone tries.
+        Defaults: methods as described, nominal physics, success by appendix C, and no controllers
+        that only `audit` uses.
         """
         wanted = {"variant": "described", "physics": "nominal", "rule": APPENDIX} | values
         frame = self.frame
@@ -260,14 +262,14 @@ class Results:
         return frame[keep]
 
     def main(self, **values: object) -> pd.DataFrame:
-        """Returns the evaluations of `chosen` on the most demonstrations that a method has seen."""
+        """Returns the rows of `chosen` with the most demonstrations of each method."""
         found = self.chosen(**values)
         if found.empty:
             return found
         return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]
 
     def chosen(self, **values: object) -> pd.DataFrame:
-        """Returns the evaluations with these values of each method at its chosen size."""
+        """Returns the rows of `select` at the chosen size of each method."""
         found = self.select(**values)
         if found.empty:
             return found
@@ -277,16 +279,20 @@ class Results:
             best.append(pd.Series(size, index=part.index))
         return found[found["size"] == pd.concat(best).reindex(found.index)]
 
-    def _best_size(self, task: str, method: str, there: Sequence[str]) -> str:
-        """The size that does best from validation starts, where several were evaluated."""
-        place = task, method, *sorted(there)
+    def _best_size(self, task: str, method: str, sizes: Sequence[str]) -> str:
+        """Returns which of these sizes has the most success from validation starts."""
+        place = task, method, *sorted(sizes)
         if place not in self._best_sizes:
-            sizes = [size for size in dict.fromkeys((*SIZES, *there)) if size in there]
-            compared = self.select(task=task, method=method, split="validation")
-            self._best_sizes[place] = best_size(compared, sizes)
+            in_order = [size for size in dict.fromkeys((*SIZES, *sizes)) if size in sizes]
+            validated = self.select(task=task, method=method, split="validation")
+            self._best_sizes[place] = best_size(validated, in_order)
         return self._best_sizes[place]
 
     @cached_property
     def _best_sizes(self) -> dict[tuple[str, ...], str]:
-        """By task, method and the sizes that there are, what `_best_size` has returned."""
+        """Cache of `_best_size`, by its arguments."""
         return {}
+
+
+def _stacked(episodes: Sequence[pd.DataFrame]) -> BoolArray:
+    return np.stack([one.success.to_numpy(bool) for one in episodes])

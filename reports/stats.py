@@ -13,11 +13,11 @@ RESAMPLES = 10_000
 
 
 def rate_interval(outcomes: BoolArray, name: object) -> tuple[float, float]:
-    """Returns the 95% interval of a success rate, as fractions: Wilson's of a single fit.
+    """Returns the 95% interval of a success rate, as fractions: Wilson's for a single fit.
 
     Args:
         outcomes: (S, N) success of each seed's fit from each start.
-        name: of what is estimated: the resamples are drawn for it.
+        name: of the rate. It seeds the resampling.
     """
     if len(outcomes) == 1:
         return wilson(int(outcomes.sum()), outcomes.size)
@@ -27,24 +27,27 @@ def rate_interval(outcomes: BoolArray, name: object) -> tuple[float, float]:
 def bootstrap(outcomes: BoolArray, name: object) -> tuple[float, float]:
     """Returns the 95% percentile interval of the mean rate over seeds, as fractions.
 
-    Seeds and starts are drawn with replacement: what another set of seeds would have given, on
-    another set of starts. All seeds meet the same starts, those that are drawn too: a start that is
-    hard is hard for most of them.
+    Seeds and starts are drawn with replacement, which estimates what other seeds would have given
+    on other starts. All drawn seeds meet the same drawn starts, since a hard start is hard for most
+    seeds.
 
     Args:
         outcomes: (S, N) success of each seed's fit from each start.
-        name: of what is estimated: the resamples are drawn for it.
+        name: of the rate. It seeds the resampling.
     """
-    (rates,) = _redrawn([outcomes], generator("bootstrap", str(name)), RESAMPLES)
+    (rates,) = _resampled([outcomes], generator("bootstrap", str(name)), RESAMPLES)
     return _middle(rates.mean(axis=1))
 
 
-def _redrawn(
+def _resampled(
     groups: Sequence[BoolArray], rng: np.random.Generator, resamples: int
 ) -> list[FloatArray]:
-    """Rates (R, S) of drawn seeds on drawn starts, of fits (S, N) that all meet the same starts."""
+    """Returns the rates (R, S) of drawn seeds on drawn starts, for each group of fits (S, N).
+
+    All groups meet the same drawn starts.
+    """
     starts = groups[0].shape[1]
-    # Starts of the same outcomes are one: drawing how often each outcome comes up is far cheaper.
+    # Starts with the same outcomes are equal. Drawing how often each kind occurs is far cheaper.
     kinds, counts = np.unique(np.concatenate(groups), axis=1, return_counts=True)
     weights = rng.multinomial(starts, counts / starts, size=resamples) / starts
     drawn = []
@@ -56,18 +59,23 @@ def _redrawn(
 
 
 def _middle(values: FloatArray) -> tuple[float, float]:
-    """The ends of the middle 95%."""
+    """Returns the ends of the middle 95%."""
     low, high = np.quantile(values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return float(low), float(high)
 
 
 class Difference(NamedTuple):
-    """Of two success rates, as fractions, with its 95% interval and two-sided p-value."""
+    """A difference of two success rates, as fractions: 95% interval and two-sided p-value."""
 
     value: float
     low: float
     high: float
     p: float
+
+    @property
+    def in_points(self) -> "Difference":
+        """The same difference in points, per cent of success."""
+        return Difference(100 * self.value, 100 * self.low, 100 * self.high, self.p)
 
 
 def paired_difference(
@@ -75,18 +83,18 @@ def paired_difference(
 ) -> Difference:
     """Returns left minus right of two methods on the same starts, by a hierarchical bootstrap.
 
-    Both seeds and starts are drawn with replacement; the starts are the same for both methods, so
-    that what makes a start hard for both does not blur the difference. One fit, as of a method
-    without seeds, is drawn again and again. Of two single fits, p is that of McNemar's exact test.
+    Seeds and starts are drawn with replacement. Both methods meet the same drawn starts, so that
+    starts that are hard for both do not widen the interval. A single fit is drawn each time. For
+    two single fits, p is that of McNemar's exact test.
 
     Args:
         left: (S, N) success of each seed's fit from each start.
-        right: (S', N) likewise of the other method.
-        name: of what is compared: the resamples are drawn for it.
-        resamples: how many.
+        right: (S', N) the same for the other method.
+        name: of the pair. It seeds the resampling.
+        resamples: number of draws.
     """
     rng = generator("paired difference", str(name))
-    means = [rates.mean(axis=1) for rates in _redrawn([left, right], rng, resamples)]
+    means = [rates.mean(axis=1) for rates in _resampled([left, right], rng, resamples)]
     differences = means[0] - means[1]
     low, high = _middle(differences)
     beyond = 1 + min((differences <= 0).sum(), (differences >= 0).sum())
@@ -106,18 +114,18 @@ def mcnemar(left: BoolArray, right: BoolArray) -> float:
 def mean_over_tasks(
     outcomes: Sequence[BoolArray], trimmed: float, name: object, resamples: int = 2000
 ) -> tuple[float, float, float]:
-    """Returns the mean over tasks and seeds of success, and its 95% interval.
+    """Returns the mean success over tasks and seeds, and its 95% interval, as fractions.
 
-    The bootstrap is stratified: within each task seeds and starts are drawn again.
+    The bootstrap is stratified: it draws seeds and starts within each task.
 
     Args:
         outcomes: for each task, (S, N) success of each seed's fit from each start.
-        trimmed: share of the rates that is left out at either end; 0.25 is the interquartile mean.
-        name: of what is estimated: the resamples are drawn for it.
-        resamples: how many.
+        trimmed: share of the rates to leave out at either end; 0.25 is the interquartile mean.
+        name: of the mean. It seeds the resampling.
+        resamples: number of draws.
     """
     rng = generator("mean over tasks", str(name))
-    drawn = [rates for task in outcomes for rates in _redrawn([task], rng, resamples)]
+    drawn = [rates for task in outcomes for rates in _resampled([task], rng, resamples)]
     low, high = _middle(trim_mean(np.concatenate(drawn, axis=1), trimmed, axis=1))
     value = trim_mean(np.concatenate([task.mean(axis=1) for task in outcomes]), trimmed)
     return float(value), low, high

@@ -1,4 +1,4 @@
-"""How every figure looks: one colour and one hatch per method, legible in greyscale."""
+"""The look of all figures: a colour and a hatch for each method, legible in greyscale."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,11 +21,13 @@ NAMES = {
     "door": "Door",
     "relocation": "Relocation",
     "reorientation": "Reorientation",
+    "ood": "out of distribution",
 }
+"""Names as readers see them."""
 TASKS = ("tool", "door", "relocation", "reorientation")
 METHODS = ("expert", "kodex", "nn", "lstm", "ndp", "ngf")
 INK = "#222222"
-"""Of what is neither a method nor a task: text, axes, intervals, the paper's values."""
+"""Colour of text, axes, intervals and the paper's values."""
 MARKS = ("", "///", "...", "\\\\\\", "xx", "--", "++")
 DASHES: tuple[Any, ...] = (
     (0, (1, 1)),
@@ -37,24 +39,24 @@ DASHES: tuple[Any, ...] = (
 )
 MARKERS = "*o^sDvPX<>h"
 _COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex())
-"""Those of the methods."""
+"""Colours of the methods."""
 _OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
-"""Those of whatever else: sizes, tasks, methods of one's own."""
+"""Colours of other rows: sizes, tasks, the user's methods."""
 ON_DARK = {
     "#4c4c4c": "#b9b9b9",
     "#0173b2": "#3f9fe0",
     "#7f4f24": "#c08a5a",
     "#9b2226": "#e0656a",
 }
-"""By colour that is too dark for a dark page, the one in its place there."""
+"""Replacements on a dark page, for colours that are too dark there."""
 
 
 def display(name: str, suffixes: Mapping[str, str] | None = None) -> str:
-    """Returns how a name is written for people.
+    """Returns a name as readers see it.
 
     Args:
-        name: words, such as a method's and a controller's name.
-        suffixes: by word, what it is followed by.
+        name: words, such as the names of a method and a controller.
+        suffixes: text after a word, by word.
     """
     suffixes = suffixes or {}
     words = (_word(word) + suffixes.get(word, "") for word in str(name).split(" "))
@@ -67,27 +69,27 @@ def _word(name: str) -> str:
 
 
 def colour(row: str, rows: Sequence[str]) -> str:
-    """Returns the colour of a method, everywhere the same; of another row, of its place among such.
+    """Returns the colour of a row: a method's own, or that of its place among the other rows.
 
     Args:
-        row: a name.
-        rows: all that are drawn.
+        row: name of a method, size or task.
+        rows: all names in the figure.
     """
     return (*_COLOURS, *_OTHERS)[_index(row, rows)]
 
 
 def hatch(row: str, rows: Sequence[str]) -> str:
-    """Returns the hatch of a method's bars, likewise."""
+    """Returns the hatch of a row's bars, chosen as its `colour` is."""
     return MARKS[_index(row, rows) % len(MARKS)]
 
 
 def dashes(row: str, rows: Sequence[str]) -> Any:
-    """Returns the dashes of a method's lines, likewise."""
+    """Returns the dashes of a row's lines, chosen as its `colour` is."""
     return DASHES[_index(row, rows) % len(DASHES)]
 
 
 def marker(row: str, rows: Sequence[str]) -> str:
-    """Returns the marker of a method's points, likewise."""
+    """Returns the marker of a row's points, chosen as its `colour` is."""
     return MARKERS[_index(row, rows) % len(MARKERS)]
 
 
@@ -99,14 +101,14 @@ def _index(row: str, rows: Sequence[str]) -> int:
 
 
 def ordered(names: Any, order: Sequence[str]) -> list[str]:
-    """Returns the names that occur, in the given order, others after them."""
+    """Returns distinct names in the given order. Other names come last, sorted."""
     found = list(dict.fromkeys(names))
     return [name for name in order if name in found] + sorted(set(found) - set(order))
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Fonts, grid and file settings; the same figure gives the same bytes."""
+    """Sets fonts, grid and file settings. The same figure gives the same bytes."""
     settings: dict[Any, Any] = {
         **sns.axes_style("whitegrid"),
         "font.size": 10,

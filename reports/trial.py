@@ -1,4 +1,4 @@
-"""One method on one task, beside the shipped methods from the same starts: `bench try`."""
+"""`bench try`: one method on one task, compared with the shipped methods on the same starts."""
 
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -14,31 +14,32 @@ from bench.intervals import wilson
 from bench.names import KEY_DIGITS
 from bench.presets import Study
 from bench.results import Results as StoredResults
-from bench.spec import EXPERT, Cell
+from bench.spec import Cell
 from bench.study_demos import demos_keys_of
 from methods.registry import SUITE, introduced
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.stats import paired_difference, rate_interval
 from tasks.data import BoolArray
 
 COLUMNS = ("method", "success", "low", "high", "seeds", "n")
-UNLIKE = ("setting", "here", "shipped")
+SETTINGS = ("setting", "here", "shipped")
 DIFFERENCE = ("difference", "difference_low", "difference_high", "p")
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of one method on one task."""
+    """The result of one method on one task."""
 
     cell: Cell
     success: BoolArray
-    """(N,), from the first N starts of ``test``."""
+    """(N,) from the first N starts of ``test``."""
     diverged: int = 0
-    """How many of its episodes diverged, as after a prediction that is not finite."""
+    """Number of episodes that diverged, for example after a prediction that is not finite."""
 
     @property
     def rate(self) -> dict[str, Any]:
-        """Success in per cent with its 95% Wilson interval, as a row with `COLUMNS`."""
+        """Success [%] with its 95% Wilson interval, as a row with `COLUMNS`."""
         low, high = wilson(int(self.success.sum()), len(self.success))
         values = (100 * float(self.success.mean()), 100 * low, 100 * high, 1, len(self.success))
         return dict(zip(COLUMNS, (self.cell.fit.method, *values), strict=True))
@@ -48,11 +49,11 @@ class Trial:
         """The starts from which the method failed."""
         return [int(start) for start in np.flatnonzero(~self.success)]
 
-    def beside(self, reference: Results) -> pd.DataFrame:
-        """Returns one row for each shipped method, on the starts of the trial, best rate first.
+    def compare(self, reference: Results) -> pd.DataFrame:
+        """Returns one row for each shipped method on the trial's starts, the best rate first.
 
-        Where a shipped method has met fewer starts than the trial, those count for its row. There
-        are no rows where `unlike` has some, since those methods cannot be compared.
+        If a shipped method has met fewer starts, its row is about those. There are no rows if
+        `differing_settings` has some, since the methods cannot be compared.
 
         Args:
             reference: the shipped results.
@@ -64,31 +65,31 @@ class Trial:
         """
         theirs = self._others(reference)
         rows = []
-        for method in theirs.method.unique() if self.unlike(reference).empty else ():
+        for method in theirs.method.unique() if self.differing_settings(reference).empty else ():
             found = reference.success(task=self.cell.fit.task, method=method, split="test")
             assert found is not None
             success = found[:, : len(self.success)]
             interval = rate_interval(success, f"{self.cell.fit.task} test {method}")
             ours = self.success[None, : success.shape[1]]
             pair = f"{self.cell.fit.task} test {self.cell.fit.method} {method}"
-            *points, p = paired_difference(ours, success, pair)
+            difference = paired_difference(ours, success, pair).in_points
             per_cent = [100 * float(value) for value in (success.mean(), *interval)]
-            rows.append((method, *per_cent, *success.shape, *(100 * x for x in points), p))
+            rows.append((method, *per_cent, *success.shape, *difference))
         table = pd.DataFrame(rows, columns=[*COLUMNS, *DIFFERENCE])
         return table.sort_values("success", ascending=False, kind="stable", ignore_index=True)
 
-    def unlike(self, reference: Results) -> pd.DataFrame:
-        """Returns what the shipped methods were run with otherwise than the trial.
+    def differing_settings(self, reference: Results) -> pd.DataFrame:
+        """Returns the settings in which the shipped methods differ from the trial.
 
-        The key of the demonstrations stands for the task, its version and model, the expert and
-        MuJoCo; the key of the controller for its training and the demonstrations.
+        The key of the demonstrations covers the task, its version and model, the expert and
+        MuJoCo. The key of the controller covers its training and the demonstrations.
 
         Returns:
-            Columns ``setting``, ``here`` and ``shipped``, as texts; no rows where all is alike.
+            Columns ``setting``, ``here`` and ``shipped``, as text. No rows if nothing differs.
         """
         theirs = self._others(reference)
         if theirs.empty:
-            return pd.DataFrame(columns=UNLIKE)
+            return pd.DataFrame(columns=SETTINGS)
         fit, controller = self.cell.fit, self.cell.controller
         here = {"number of demonstrations": str(fit.demos), "demonstrations": fit.demos_key}
         names = {"number of demonstrations": "demos", "demonstrations": "demos_key"}
@@ -104,16 +105,15 @@ class Trial:
             made = {reference.source.facts(one)["versions"]["mujoco"] for one in theirs.folder}
             if made != {version("mujoco")}:
                 rows.append(("MuJoCo", version("mujoco"), ", ".join(sorted(made))))
-        return pd.DataFrame(rows, columns=UNLIKE)
+        return pd.DataFrame(rows, columns=SETTINGS)
 
     def _others(self, reference: Results) -> pd.DataFrame:
-        """The shipped evaluations of methods on the task, from ``test``."""
-        found = reference.main(task=self.cell.fit.task, split="test")
-        return found[found.method != EXPERT]
+        """Returns the shipped evaluations of methods on the task's ``test`` starts."""
+        return without_expert(reference.main(task=self.cell.fit.task, split="test"))
 
 
 def trial_of(study: Study, folder: Path) -> Trial:
-    """Returns the stored trial of a study of one method on one task, once it has been run."""
+    """Returns the trial that a finished study of one method on one task has stored."""
     (name,) = study.methods
     with introduced() as introduce:
         if name not in SUITE:

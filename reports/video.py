@@ -1,4 +1,4 @@
-"""Films: one start, each method beside the others, with the motion that it had planned as a ghost.
+"""Films of methods side by side from one start, each with its planned motion as a ghost.
 
 MuJoCo's renderer needs OpenGL without a screen, see `bench.renderer`.
 """
@@ -34,19 +34,19 @@ from tasks.simulator import Policy, Simulator, rollout
 Frame = NDArray[np.uint8]
 
 SIZE, BAR = 320, 32
-"""Pixels of a picture, and of the bar above it."""
+"""Pixels: sides of a picture, and height of the bar above it."""
 RATE = 25
-"""Pictures a second, each of a control step of 10 ms: four times slower than it happens."""
+"""Pictures per second. Each is a control step of 10 ms: four times slower than real time."""
 STILL = RATE
-"""Pictures of the end, once it is known whether the method succeeded."""
+"""Pictures of the end, which show whether the method succeeded."""
 VIEWS = {
     "tool": ((0.09, -0.18, 0.12), 0.8, 45.0),
     "door": ((0.19, -0.2, 0.36), 1.8, 45.0),
     "relocation": ((-0.09, -0.11, 0.21), 0.8, 45.0),
     "reorientation": ((0.04, -0.19, 0.2), 0.6, 60.0),
 }
-"""What the camera looks at, from how far [m], and its azimuth [degrees]; of
-other tasks as of door, which is the widest."""
+"""Point that the camera looks at, distance [m] and azimuth [degrees]. Other tasks have the view of
+door, which is the widest."""
 GHOST = (0.1, 0.4, 0.9, 0.25)
 
 
@@ -57,29 +57,29 @@ class Take:
     method: str
     task: Task
     model: mujoco.MjModel
-    """With the objects where the start has put them."""
+    """With the objects where the start puts them."""
     positions: FloatArray
-    """(T, nq) of the whole scene."""
+    """(T, nq), of the whole scene."""
     planned: FloatArray | None
-    """(T, H) of the hand's joints, of a method that plans."""
+    """(T, H), of the hand's joints. None if the method does not plan."""
     success: bool
 
 
-class Watched:
-    """A policy of one episode, with what it passes through."""
+class RecordingPolicy:
+    """A policy that records the positions of its one episode."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
         self.positions: list[FloatArray] = []
 
     def reset(self, simulator: Simulator) -> None:
-        """Notes where the episode begins."""
+        """Starts the episode and keeps its model."""
         self.policy.reset(simulator)
         self.simulator = simulator
         self.model = simulator.batch.get_model(0)
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
-        """Notes where the episode is, and acts."""
+        """Records the positions and acts."""
         self.positions.append(simulator.batch.qpos[0].copy())
         return self.policy.act(simulator, step)
 
@@ -89,21 +89,21 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
 
     Args:
         folder: results of `bench run`.
-        task_name: what they do.
-        methods: from left to right.
-        start: its number.
+        task_name: name of the task.
+        methods: names, from left to right.
+        start: index of the start.
         path: of the film.
 
     Raises:
-        InputError: a method has no results of this task there.
+        InputError: a method has no results on this task.
     """
     import imageio_ffmpeg
 
     task = get_task(task_name)
     starts = task.sample("test", start + 1)[start:]
     say(f"simulating start {start} of {task_name}")
-    known = list(_tested(Results(folder), task_name).method.unique())
-    labels = [label for name in methods for label in labels_of(name, known)]
+    known_labels = list(_tested(Results(folder), task_name).method.unique())
+    labels = [label for name in methods for label in labels_of(name, known_labels)]
     takes = [take(folder, task, label, starts) for label in labels]
     size = (SIZE * len(takes), SIZE + BAR)
     with whole_file(path) as temporary:
@@ -115,8 +115,8 @@ def film(folder: Path, task_name: str, methods: Sequence[str], start: int, path:
         writer.close()
 
 
-def telling(folder: Path, task_name: str, method: str) -> dict[str, int]:
-    """Returns the first start of ``test`` where a method's first seed succeeds, and fails."""
+def success_and_failure(folder: Path, task_name: str, method: str) -> dict[str, int]:
+    """Returns the first starts of ``test`` where a method's first seed succeeds and fails."""
     results = Results(folder)
     success = results.outcomes(_row(results, task_name, method)).success.to_numpy(bool)
     found = {"success": np.flatnonzero(success), "failure": np.flatnonzero(~success)}
@@ -128,13 +128,13 @@ def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
     stored, results = StoredResults(folder), Results(folder)
     cell = stored_cell(stored, _row(results, task.name, method), 1)
     if cell.fit.method != EXPERT:
-        known(cell.fit.method)  # the import of a package may end the process
+        known(cell.fit.method)  # importing the package may end the process
     policy = make_policy(cell.fit, *stored_bytes(cell, stored))
-    watched = Watched(policy)
-    outcome = rollout(task, starts, watched, threads=1, whole=True)
-    positions = np.stack([*watched.positions, watched.simulator.batch.qpos[0]])
+    recorder = RecordingPolicy(policy)
+    outcome = rollout(task, starts, recorder, threads=1, whole=True)
+    positions = np.stack([*recorder.positions, recorder.simulator.batch.qpos[0]])
     planned = policy.motion[0] if isinstance(policy, TrackedMotion) else None
-    return Take(method, task, watched.model, positions, planned, bool(outcome.success[0]))
+    return Take(method, task, recorder.model, positions, planned, bool(outcome.success[0]))
 
 
 def frames(takes: Sequence[Take]) -> Iterator[Frame]:
@@ -152,10 +152,10 @@ def frames(takes: Sequence[Take]) -> Iterator[Frame]:
 
 
 def _tested(results: Results, task: str) -> pd.DataFrame:
-    """The evaluations of all methods on unseen starts of a task."""
+    """Returns the evaluations of all methods on test starts of a task."""
     found = results.main(task=task, split="test")
     if found.empty:
-        raise InputError(f"no method has results on unseen starts of {task!r}")
+        raise InputError(f"no method has results on test starts of {task!r}")
     return found
 
 
@@ -186,7 +186,7 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
 
 
 def _camera(task: str) -> mujoco.MjvCamera:
-    """From the left behind the arm, above the table."""
+    """Returns a camera on the left behind the arm, above the table."""
     camera = mujoco.MjvCamera()
     camera.lookat[:], camera.distance, camera.azimuth = VIEWS.get(task, VIEWS["door"])
     camera.elevation = -35.0
@@ -211,7 +211,7 @@ def _add_ghost(take: Take, scene: mujoco.MjvScene, data: mujoco.MjData, joints: 
     mujoco.mjv_addGeoms(model, data, option, perturb, mujoco.mjtCatBit.mjCAT_DYNAMIC, scene)
     arm = model.jnt_bodyid[0]
     for geom in scene.geoms[before : scene.ngeom]:
-        # Sites are drawn as geoms, and have ids of their own.
+        # Sites are drawn as geoms too, but with other ids.
         of_hand = (
             geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
             and model.body_rootid[model.geom_bodyid[geom.objid]] == model.body_rootid[arm]

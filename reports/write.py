@@ -1,70 +1,43 @@
-"""Write exhibits: tables as CSV, Markdown and LaTeX, figures as PNG, PDF and SVG."""
+"""Writes a report: tables as CSV, Markdown and LaTeX, figures as PNG, PDF and SVG, and the page."""
 
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 import pandas as pd
 
 from bench.doing import say
 from reports.answer import answer
-from reports.claims import FAILED, verdicts
 from reports.exhibit import Exhibit
+from reports.exhibits import EXHIBITS
 from reports.page import render
 from reports.results import Results
 from reports.style import style
+from reports.verdicts import FAILED, verdicts
 from tasks.errors import described
 
-MODULES = (
-    "unseen",
-    "all_tasks",
-    *(f"table_{number}" for number in range(1, 7)),
-    "figure_5",
-    "starts",
-    "success_over_time",
-    "motions",
-    *(f"table_{number}" for number in range(7, 12)),
-    "figure_6",
-    "figure_6_time",
-    "figure_7",
-    "table_12",
-    "efficiency",
-    "efficiency_time",
-    "audit",
-    "audit_controller",
-    "audit_success",
-    "audit_appendix_i",
-)
-"""One file each, in the order of the page."""
-
 _DATED = {"png": (), "pdf": ("CreationDate",), "svg": ("Date",)}
-"""File endings of figures, and what each would say of the time: it must not."""
-
-
-def exhibits() -> list[Exhibit]:
-    """Returns all exhibits, in the order of the page."""
-    return [import_module(f"reports.{name}").EXHIBIT for name in MODULES]
+"""File endings of figures, with the metadata to leave out: the date."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a report has become."""
+    """A written report."""
 
     written: list[Path]
-    """The Markdown tables of the exhibits, in the order of the page."""
+    """Markdown tables of the exhibits, in the order of the page."""
     failed: dict[str, str]
-    """By title, why an exhibit or a claim could not be made."""
+    """Reasons for missing exhibits and claims, by title."""
     answer: list[str]
-    """As `reports.answer.answer` gives it."""
+    """As `reports.answer.answer` returns it."""
     page: Path
 
 
 def write_report(results: Results, folder: Path, films: Path | None = None) -> Report:
-    """Writes every exhibit that there are results for.
+    """Writes every exhibit that has results, the claims and the page.
 
-    An exhibit that fails is left out; stderr and the page say why.
+    An exhibit that raises an error is left out; stderr and the page give the reason.
 
     Args:
         results: of a run.
@@ -74,10 +47,10 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
     Raises:
         InputError: there are no results.
     """
-    known = [exhibit.with_remarks(results) for exhibit in exhibits()]
-    tables, failed = _tables(results, known)
+    exhibits = [exhibit.with_remarks(results) for exhibit in EXHIBITS]
+    tables, failed = _tables(results, exhibits)
     written = []
-    for exhibit in known:
+    for exhibit in exhibits:
         _remove(exhibit, folder)
         if exhibit.name in tables:
             say(f"writing {exhibit.title}")
@@ -89,26 +62,26 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
                 failed[exhibit.title] = described(error)
     say("judging the claims of the paper")
     claims = verdicts(results)
-    lost = claims[claims.ours == FAILED]
-    failed |= {f"claim {name}": why for name, why in zip(lost.claim, lost.evidence, strict=True)}
+    undecidable = claims[claims.ours == FAILED]
+    failed |= {f"claim {one.claim}": one.evidence for one in undecidable.itertuples()}
     _write_claims(claims, folder / "tables")
     try:
-        said = answer(results)
+        sentences = answer(results)
     except Exception as error:
-        said, failed["the answer"] = [], described(error)
+        sentences, failed["the answer"] = [], described(error)
     figures, page = folder / "figures", folder / "index.html"
-    page.write_text(render(results, tables, known, claims, figures, films, failed, said))
+    page.write_text(render(results, tables, exhibits, claims, figures, films, failed, sentences))
     for title, reason in failed.items():
         print(f"bench: left out: {title}: {reason}", file=sys.stderr)
-    return Report(written, failed, said, page)
+    return Report(written, failed, sentences, page)
 
 
 def _tables(
-    results: Results, known: Iterable[Exhibit]
+    results: Results, exhibits: Iterable[Exhibit]
 ) -> tuple[dict[str, pd.DataFrame], dict[str, str]]:
-    """By name the tables of the exhibits that have results, and by title why others failed."""
+    """Returns tables by name of exhibit, and the reasons of those that failed by title."""
     tables, failed = {}, {}
-    for exhibit in known:
+    for exhibit in exhibits:
         say(f"table of {exhibit.title}")
         try:
             table = exhibit.table(results)
@@ -128,7 +101,7 @@ def _write(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
 
 
 def _remove(exhibit: Exhibit, folder: Path) -> None:
-    """Removes what an earlier report has written of an exhibit."""
+    """Removes the files that an earlier report wrote for an exhibit."""
     endings = {"tables": ("csv", "md", "tex"), "figures": _DATED}
     for place, names in endings.items():
         for ending in names:
@@ -167,6 +140,6 @@ def _write_figure(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> None:
     with style():
         figure = exhibit.draw(table)
         figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # laid out once for all endings
+        figure.set_layout_engine("none")  # the layout is the same for all endings
         for ending, dated in _DATED.items():
             figure.savefig(folder / f"{exhibit.name}.{ending}", metadata=dict.fromkeys(dated))

@@ -83,7 +83,7 @@ def test_the_columns_of_all_episodes_are_listed():
 
 def test_the_docstrings_make_pages(tmp_path):
     environment = os.environ | {"MUJOCO_GL": "disable", "PDOC_ALLOW_EXEC": "1"}
-    modules = ["bench.results", "methods.dmp", "reports.table_9", "tasks.door"]
+    modules = ["bench.results", "methods.dmp", "reports.exhibits.robustness", "tasks.door"]
     command = [sys.executable, "-m", "pdoc", "-d", "google", "-o", str(tmp_path), *modules]
     subprocess.run(command, env=environment, check=True, capture_output=True)
     assert "A DMP layer" in (tmp_path / "methods/dmp.html").read_text()

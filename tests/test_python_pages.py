@@ -60,4 +60,4 @@ def test_the_page_on_own_demonstrations_goes_from_nothing_to_a_row(task, run_pag
     frame = Results(Path("results/mine")).frame()
     assert set(frame.method) == {"kodex"}
     assert "the demonstrations of nearest.safetensors" in Results(Path("results/mine")).notes()[0]
-    assert "kodex" in Path("results/mine/report/tables/unseen.csv").read_text()
+    assert "kodex" in Path("results/mine/report/tables/success.csv").read_text()

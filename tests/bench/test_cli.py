@@ -14,7 +14,8 @@ from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import PRESETS
 from bench.results_writer import ResultsWriter
 from bench.study_demos import demos_keys_of
-from reports.write import MODULES, Report
+from reports.exhibits import EXHIBITS
+from reports.write import Report
 from tasks.masses import VARIATIONS, physics_names
 from tasks.registry import TASKS, get_task
 
@@ -134,7 +135,7 @@ def test_describe_gives_the_conditions_of_robustness(bench):
 def test_every_exhibit_belongs_to_an_experiment(bench):
     facts = [json.loads(bench("describe", name, "--json")[1]) for name in EXPERIMENTS]
     named = {e for one in facts for names in one["exhibits"].values() for e in names}
-    assert named == set(MODULES)
+    assert named == {exhibit.name for exhibit in EXHIBITS}
 
 
 def test_an_unknown_name_ends_with_the_nearest_name_and_exit_code_2(bench):

@@ -77,7 +77,7 @@ def test_the_tutorial_leads_from_nothing_to_a_number_and_to_the_tables(task, fol
     assert len(said[first:]) > 5
     assert set(said[first:]) <= set(shapes(shown))
     follow("From a number to the tables")
-    table = pd.read_csv("results/knn/report/tables/unseen.csv")
+    table = pd.read_csv("results/knn/report/tables/success.csv")
     assert set(table.row) == {"expert", "kodex", "nn", "knn"}
     (code,) = fenced("python", "In a test of your own")
     written = {}

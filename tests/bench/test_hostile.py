@@ -117,7 +117,7 @@ def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, 
     assert not [p for p in psutil.process_iter(["cmdline"]) if p.info["cmdline"] == ORPHAN]
     assert "failed (" in command("status", out)[1]
     assert command("report", out)[0] == 0
-    table = pd.read_csv(out / "report/tables/unseen.csv").set_index("row")
+    table = pd.read_csv(out / "report/tables/success.csv").set_index("row")
     assert set(table.index) == {"kodex", "nn", *METHODS} - {*FAILING}
 
 

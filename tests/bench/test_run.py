@@ -27,8 +27,8 @@ from bench.results_writer import writing
 from bench.study_demos import learning_from
 from methods import registry
 from methods.kodex import Kodex
+from reports.exhibits import EXHIBITS
 from reports.results import Results
-from reports.write import exhibits
 from tasks.demos import demos_key, load_demos
 from tasks.demos_files import save_demos
 from tasks.errors import InputError
@@ -292,7 +292,7 @@ class TestInProcess:
             assert code == 0
             assert f"| door   | {label} " in said
         assert bench("report", str(tmp_path))[0] == 0
-        table = (tmp_path / "report/tables/unseen.md").read_text()
+        table = (tmp_path / "report/tables/success.md").read_text()
         for number in (1, 2):
             assert f"KODex observables={number} " in table
 
@@ -339,7 +339,7 @@ class TestInProcess:
         assert code == 3
         assert "bench: left out: Table 12: largest eigenvalue magnitude: InputError: " in error
         assert "has stored no eigenvalues" in error
-        assert "## Success on unseen starts" in said
+        assert "## Success on test starts" in said
 
     def test_a_report_prints_success_the_answer_and_the_page_and_all_tables_on_demand(
         self, task, smoke, bench, tmp_path
@@ -348,8 +348,8 @@ class TestInProcess:
         code, said, _ = bench("report", str(tmp_path))
         assert code == 0
         titles = [line for line in said.splitlines() if line.startswith("## ")]
-        assert titles == ["## Success on unseen starts"]
-        assert "Door: KODex alone has run, " in said
+        assert titles == ["## Success on test starts"]
+        assert "Door: KODex is the only method, " in said
         assert said.endswith(
             f" tables to {tmp_path / 'report'}\npage: {tmp_path / 'report/index.html'}\n"
         )
@@ -509,7 +509,7 @@ class TestInProcess:
         code, _, error = bench("report", str(out), "--with-reference", "--export", str(export))
         assert (code, error) == (0, "")
         assert "From another machine, as shipped: nn." in (out / "report/index.html").read_text()
-        rows = (out / "report/tables/unseen.csv").read_text()
+        rows = (out / "report/tables/success.csv").read_text()
         assert "nn,door" in rows
         assert set(pd.read_parquet(export).method) == {"kodex", "nn"}
         pair = ("--methods", "kodex,nn", "--json")
@@ -539,7 +539,7 @@ class TestInProcess:
         note = f"{out} (controller epochs 5); shipped (controller epochs 6)"
         assert code == 0
         assert "| KODex* |" in said
-        assert "An asterisk marks" in (out / "report/tables/unseen.md").read_text()
+        assert "An asterisk marks" in (out / "report/tables/success.md").read_text()
         for place in (said, (out / "report/index.html").read_text()):
             assert note in place
         code, said, _ = bench(*compare, "--with-reference", "--mixed")
@@ -580,7 +580,7 @@ class TestInProcess:
         assert note in (out / "report/index.html").read_text()
         assert "| Expert (suite's own) |" in said
         caption = "On Door, the expert is the suite's own; the methods learnt from other demonst"
-        assert caption in (out / "report/tables/unseen.md").read_text()
+        assert caption in (out / "report/tables/success.md").read_text()
         assert caption not in (out / "report/tables/table_6.md").read_text()
         said = bench("compare", str(out), "--methods", "kodex,expert")[1]
         assert "| expert (suite's own) |" in said
@@ -596,7 +596,7 @@ class TestInProcess:
         results = Results(tmp_path / "results")
         captions = {
             exhibit.name: exhibit.with_remarks(results).caption(exhibit.table(results))
-            for exhibit in exhibits()
+            for exhibit in EXHIBITS
         }
         remark = "On Door, tuned and unclipped controllers learnt from the suite's expert"
         assert {name for name, caption in captions.items() if remark in caption} == {"table_8"}

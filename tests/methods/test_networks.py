@@ -1,4 +1,4 @@
-"""The networks and their one training loop, against torch's own modules and plain loops."""
+"""The networks and their training loop match torch's own modules and plain loops."""
 
 import re
 from dataclasses import replace
@@ -15,7 +15,8 @@ from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
 from methods.lstm import LSTM
 from methods.ndp import NDP
 from methods.network import windows
-from methods.ngf import NGF, acceleration, energised, potential_gradient
+from methods.ngf import NGF, acceleration, energised, integrate, potential_gradient
+from methods.ngf_gradient import motion_with_gradient
 from methods.ngf_published import PublishedNGF
 from methods.nn import NN
 from methods.toy import toy
@@ -60,7 +61,7 @@ def line():
 
 
 # Training
-def test_training_is_that_of_torch_seed_by_seed(line):
+def test_training_matches_torch_for_each_seed(line):
     seeds = (3, 4, 5)
     for seed, trained in zip(seeds, train(draw_line, line_loss, line, seeds=seeds), strict=True):
         weights = stacked(draw_line(generator("weights", "test", seed)))
@@ -80,8 +81,8 @@ def test_training_is_that_of_torch_seed_by_seed(line):
         )
 
 
-def test_a_batch_in_pieces_is_the_batch(line):
-    """Ten samples by three: the last piece is smaller, and counts for less."""
+def test_a_batch_in_pieces_trains_like_the_whole_batch(line):
+    """Ten samples in pieces of three: the last piece is smaller and has less weight."""
     whole, pieces = (
         train(draw_line, line_loss, line, replace(SCHEDULE, batch_size=10), at_once=at_once)[0]
         for at_once in (None, 3)
@@ -91,7 +92,7 @@ def test_a_batch_in_pieces_is_the_batch(line):
         np.testing.assert_allclose(pieces.weights[name], array, atol=1e-6)
 
 
-def test_a_learning_rate_that_decays_falls_linearly_to_nothing(line, monkeypatch):
+def test_a_decaying_learning_rate_falls_linearly_to_zero(line, monkeypatch):
     seen = []
     step = torch.optim.AdamW.step
     monkeypatch.setattr(
@@ -102,7 +103,7 @@ def test_a_learning_rate_that_decays_falls_linearly_to_nothing(line, monkeypatch
 
 
 @pytest.mark.parametrize("method", [NN, LSTM, NDP, NGF, PublishedNGF])
-def test_a_seed_trains_to_the_same_weights_alone_and_beside_others(method):
+def test_a_seed_gives_the_same_weights_alone_and_beside_others(method):
     demos, validation = toy(0, 16), toy(1, 16)  # batches of full vectors, see docs/methods.md
     config = replace(shortened(method.sizes["small"], 1), batch_size=16)
     alone, pair, last = (
@@ -117,15 +118,15 @@ def test_a_seed_trains_to_the_same_weights_alone_and_beside_others(method):
 @pytest.mark.parametrize(
     ("ours", "library"), [(sigmoid, torch.sigmoid), (softplus, functional.softplus)]
 )
-def test_an_activation_rounds_alike_wherever_a_number_stands(ours, library):
+def test_activations_round_independently_of_position(ours, library):
     x = torch.linspace(-30, 30, 301)
     torch.testing.assert_close(ours(x), library(x))
     for count in range(1, 40):
         assert torch.equal(ours(x[:count]), ours(x)[:count])
 
 
-def test_a_seed_becomes_the_same_whatever_its_place_in_the_company():
-    """Of a bias of 65 numbers, three networks leave three after the last full vector of 16."""
+def test_the_weights_of_a_seed_do_not_depend_on_its_position():
+    """The biases of three networks, 65 numbers each, leave three after a full vector of 16."""
     rng = generator("noise")
     data = tuple(rng.standard_normal((500, 65)) for _ in range(2))
     schedule = replace(SCHEDULE, epochs=40)
@@ -143,7 +144,7 @@ def test_a_seed_becomes_the_same_whatever_its_place_in_the_company():
         np.testing.assert_array_equal(first[0].weights[name], array)
 
 
-def test_a_fresh_adam_for_each_batch_steps_by_the_sign_of_the_gradient(line):
+def test_resetting_adam_every_batch_steps_by_the_sign_of_the_gradient(line):
     schedule = replace(SCHEDULE, epochs=1, batch_size=10, fresh_adam="batch")
     (trained, _) = train(draw_line, line_loss, line, schedule)
     before = stacked(draw_line(generator("weights", "test", 1)))
@@ -171,12 +172,12 @@ def test_the_weights_of_the_lowest_validation_loss_are_kept(line):
     np.testing.assert_array_equal(first.validation, [3, 1, 2])
 
 
-def test_a_training_without_samples_says_so(line):
+def test_a_training_without_samples_is_refused(line):
     with pytest.raises(TrainingError, match="test has no samples to learn from"):
         train(draw_line, line_loss, [part[:0] for part in line])
 
 
-def test_a_training_that_diverges_keeps_its_best_and_one_that_never_was_finite_says_so(line):
+def test_a_diverging_training_keeps_its_best_weights_or_raises_if_it_has_none(line):
     losses = iter([1.0, float("nan"), float("nan")])
 
     def validate(weights):
@@ -227,7 +228,7 @@ def test_configs_out_of_range_are_refused(kind, field, value, answer):
         replace(kind.sizes["small"], **{field: value})
 
 
-def test_windows_are_all_stretches_of_all_motions():
+def test_windows_are_all_consecutive_states_of_all_motions():
     states = generator("windows").standard_normal((2, 6, 3))
     expected = [states[b, t : t + 3] for b in range(2) for t in range(4)]
     np.testing.assert_array_equal(windows(states, 2), expected)
@@ -243,7 +244,7 @@ def start():
     return torch.tensor(toy(2, 4).states[:, 0], dtype=torch.float32)[None]
 
 
-def test_lstm_is_torchs_own(start):
+def test_lstm_matches_torch(start):
     method = LSTM(LSTM.sizes["small"], LAYOUT)
     weights = weights_of(method)
     cell = nn.LSTMCell(100, 200)
@@ -287,7 +288,7 @@ def test_published_ndp_drives_the_whole_state_with_a_fixed_step(start):
     assert NDP(NDP.sizes["small"], LAYOUT).driven == 3
 
 
-def test_published_ndp_starts_within_bounds_of_its_outputs_and_orthogonal_at_last():
+def test_published_ndp_has_the_published_initial_weights():
     config = replace(NDP.sizes["small"], **NDP.variants["published"])
     first, last = (f"layer{i}.weight" for i in (0, 3))
     arrays = NDP(config, LAYOUT).draw(generator("start"))
@@ -323,7 +324,7 @@ def silent(weights, *names):
     return quiet
 
 
-def test_the_fabric_alone_does_no_work_and_bends_quadratically_in_velocity(fabric):
+def test_the_fabric_alone_does_no_work_and_is_quadratic_in_velocity(fabric):
     weights, context, q, v = fabric
     alone = silent(weights, "potential", "damping")
     force = acceleration(alone, context, q, v)
@@ -333,7 +334,7 @@ def test_the_fabric_alone_does_no_work_and_bends_quadratically_in_velocity(fabri
 
 
 @pytest.mark.parametrize("window", [3, 14])
-def test_stretches_of_the_fabrics_own_motion_have_no_loss(start, window):
+def test_windows_of_the_fabrics_own_motion_have_no_loss(start, window):
     method = NGF(replace(NGF.sizes["small"], window=window), LAYOUT)
     weights = {k: v.double() for k, v in weights_of(method).items()}
     start = start.double()
@@ -365,7 +366,30 @@ def test_the_potential_force_is_the_gradient_of_its_potential(fabric):
     torch.testing.assert_close(potential_gradient(weights, context["potential"], q), expected)
 
 
-def test_a_fabric_begins_critically_damped():
+def gradients(motion, weights, *arguments):
+    """Returns gradients of a sum of squares of a motion, to which every weight contributes."""
+    weights = {name: weight.clone().requires_grad_() for name, weight in weights.items()}
+    loss = (motion(weights, *arguments) - 1).square().sum()
+    return dict(zip(weights, torch.autograd.grad(loss, list(weights.values())), strict=True))
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_the_written_gradient_of_a_fabric_matches_autograd(seeds):
+    method = NGF(NGF.sizes["small"], LAYOUT)
+    drawn = [method.draw(generator("gradient", seed)) for seed in range(seeds)]
+    weights = {k: torch.tensor(np.stack([arrays[k] for arrays in drawn])) for k in drawn[0]}
+    noise = torch.tensor(generator("noise").standard_normal((seeds, 4, 11)))
+    arguments = *noise.split([5, 3, 3], dim=-1), 6
+    torch.testing.assert_close(
+        motion_with_gradient(weights, *arguments), integrate(weights, *arguments)
+    )
+    torch.testing.assert_close(
+        gradients(motion_with_gradient, weights, *arguments),
+        gradients(integrate, weights, *arguments),
+    )
+
+
+def test_an_untrained_fabric_is_critically_damped():
     method = NGF(NGF.sizes["small"], LAYOUT)
     arrays = method.draw(generator("critical"))
     pull = np.square(arrays["stiffness"])
@@ -373,7 +397,7 @@ def test_a_fabric_begins_critically_damped():
     np.testing.assert_allclose(damping, 2 * np.sqrt(pull[0]), rtol=0.02)
 
 
-def test_damping_takes_energy_and_rest_is_where_the_potential_is_flat(fabric):
+def test_damping_takes_energy_and_motions_rest_where_the_potential_is_flat(fabric):
     weights, context, q, v = fabric
     damped = acceleration(silent(weights, "potential"), context, q, v)
     assert ((damped * v).sum(dim=-1) < 0).all()
@@ -382,13 +406,13 @@ def test_damping_takes_energy_and_rest_is_where_the_potential_is_flat(fabric):
     assert (at_rest * pull > 0).all()
 
 
-def test_energising_leaves_what_is_across_the_motion():
+def test_energising_keeps_the_force_across_the_motion():
     v = torch.tensor([[[3.0, 0.0, 0.0]]])
     force = torch.tensor([[[1.0, 2.0, 3.0]]])
     torch.testing.assert_close(energised(force, v), torch.tensor([[[0.0, 2.0, 3.0]]]))
 
 
-def test_published_ngf_sees_no_later_token_and_starts_every_token_alike(start):
+def test_published_ngf_is_causal_and_starts_every_token_alike(start):
     method = PublishedNGF(PublishedNGF.sizes["small"], LAYOUT)
     weights = weights_of(method)
     longer, shorter = (method.unroll(weights, start, steps) for steps in (12, 7))
@@ -396,7 +420,7 @@ def test_published_ngf_sees_no_later_token_and_starts_every_token_alike(start):
     torch.testing.assert_close(longer[:, :, :7], shorter, rtol=1e-4, atol=1e-5)
 
 
-def test_weights_are_drawn_as_torch_draws_them():
+def test_initial_weights_have_the_bounds_of_torch():
     arrays = linear_weights(generator("bounds"), "layer", 25, 400)
     assert arrays["layer.weight"].shape == (400, 25)
     for array in arrays.values():
@@ -404,7 +428,7 @@ def test_weights_are_drawn_as_torch_draws_them():
 
 
 @pytest.mark.parametrize("method", [NN, LSTM, NDP, NGF, PublishedNGF])
-def test_each_size_learns_more_numbers_than_the_one_before(method):
+def test_each_size_of_a_network_has_more_weights_than_the_previous_one(method):
     """Tables 2 to 5."""
     rng = generator("sizes")
     drawn = [method(config, LAYOUT).draw(rng) for config in method.sizes.values()]

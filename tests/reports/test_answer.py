@@ -1,4 +1,4 @@
-"""The sentences that a report opens with, on made-up differences between methods."""
+"""The sentences that open a report, for made-up differences between methods."""
 
 from itertools import combinations
 
@@ -26,7 +26,7 @@ class MadeUp(Results):
 
 @pytest.fixture
 def said(monkeypatch):
-    """The answer where methods of these rates are apart by these intervals, and by no others."""
+    """Returns the answer for methods with these rates, of which only some pairs are told apart."""
 
     def answer_of(rates, apart=(), q=0.01):
         def compare(results, methods):
@@ -46,7 +46,7 @@ def said(monkeypatch):
     return answer_of
 
 
-def test_methods_that_cannot_be_told_apart_are_named_before_those_behind_the_best(said):
+def test_answer_names_the_methods_that_tie_for_best_first(said):
     apart = {("kodex", "ndp"): (-9.2, -0.4), ("nn", "ndp"): (3.8, 9.2)}
     assert said({"kodex": 90, "nn": 92, "ndp": 85}, apart.items()) == (
         "Door: NN and KODex cannot be told apart (90.0 to 92.0%);"
@@ -54,7 +54,7 @@ def test_methods_that_cannot_be_told_apart_are_named_before_those_behind_the_bes
     )
 
 
-def test_a_method_that_all_others_are_behind_leads(said):
+def test_answer_says_which_method_leads_all_others(said):
     apart = {("kodex", "nn"): (0.3, 1.7), ("kodex", "mine"): (10.2, 20.4)}
     assert said({"kodex": 90, "nn": 89, "mine": 75}, apart.items()) == (
         "Door: KODex leads with 90.0%;"
@@ -62,17 +62,17 @@ def test_a_method_that_all_others_are_behind_leads(said):
     )
 
 
-def test_an_interval_without_zero_is_no_difference_where_q_is_large(said):
+def test_methods_are_not_told_apart_if_q_is_large(said):
     sentence = said({"kodex": 90, "nn": 85}, {("kodex", "nn"): (1.0, 9.0)}.items(), q=0.06)
     assert sentence == "Door: KODex and NN cannot be told apart (85.0 to 90.0%)."
 
 
-def test_those_level_with_the_best_but_not_with_each_other_are_not_called_alike(said):
+def test_methods_that_tie_with_the_best_alone_are_not_said_to_tie_with_each_other(said):
     apart = {("nn", "ndp"): (1.5, 3.5)}
     assert said({"kodex": 90, "nn": 89, "ndp": 86}, apart.items()) == (
         "Door: KODex has the most, 90.0%, and cannot be told from NN and NDP."
     )
 
 
-def test_a_method_without_another_to_compare_is_said_to_be_alone(said):
-    assert said({"kodex": 90}) == "Door: KODex alone has run, 90.0%."
+def test_answer_says_that_a_single_method_has_no_rival(said):
+    assert said({"kodex": 90}) == "Door: KODex is the only method, 90.0%."

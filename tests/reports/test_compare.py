@@ -12,7 +12,7 @@ RATES = {"kodex": (1, 0.8), "nn": (5, 0.6), "ndp": (5, 0.6), "expert": (1, 0.8)}
 
 
 class Rates(Results):
-    """Each method succeeds where a start is not too hard for it."""
+    """Results in which a method fails on the hardest starts."""
 
     def __init__(self):
         pass
@@ -30,7 +30,7 @@ class Rates(Results):
         ]
     )
 
-    def successes(self, selections):
+    def paired_success(self, selections):
         return [self.one(**values) for values in selections]
 
     def one(self, *, method, task, split, controller):
@@ -42,7 +42,7 @@ class Rates(Results):
         return hard < rate
 
 
-def test_pairs_are_compared_on_their_starts():
+def test_compare_gives_each_pair_an_interval_p_and_q():
     table = compare(Rates(), ["kodex", "nn", "ndp"])
     assert list(zip(table.left, table.right, strict=True)) == [
         ("kodex", "nn"),
@@ -58,7 +58,7 @@ def test_pairs_are_compared_on_their_starts():
     np.testing.assert_allclose(table.q, multipletests(table.p, method="fdr_bh")[1])
 
 
-def test_two_single_fits_are_compared_by_mcnemars_test():
+def test_compare_accepts_two_single_fits():
     table = compare(Rates(), ["kodex", "expert"])
     assert table.p.iloc[0] > 0.05
     assert table.n.iloc[0] == 1000
@@ -68,6 +68,6 @@ def test_two_single_fits_are_compared_by_mcnemars_test():
     ("methods", "answer"),
     [(["kodx", "nn"], "did you mean 'kodex'"), (["nn", "nn"], "two or more methods")],
 )
-def test_what_cannot_be_compared_is_refused(methods, answer):
+def test_compare_refuses_unknown_methods_and_single_methods(methods, answer):
     with pytest.raises(InputError, match=answer):
         compare(Rates(), methods)

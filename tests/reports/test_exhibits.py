@@ -1,4 +1,4 @@
-"""Every exhibit, on made-up results of the whole paper protocol."""
+"""Every exhibit, for made-up results of the whole paper protocol."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -11,19 +11,22 @@ from matplotlib.colors import to_rgb
 from bench.experiments import cells_of
 from bench.presets import get_preset
 from reports.exhibit import Exhibit
-from reports.figure_7 import EXHIBIT as FIGURE_7
+from reports.exhibits import EXHIBITS
+from reports.exhibits.starts import OUTCOMES
 from reports.results import Results
-from reports.starts import OUTCOMES
 from reports.style import TASKS, colour
-from reports.table_1 import EXHIBIT as TABLE_1
-from reports.table_2 import EXHIBIT as TABLE_2
-from reports.table_6 import EXHIBIT as TABLE_6
-from reports.write import exhibits, write_report
+from reports.write import write_report
 from tasks.data import generator
 from tasks.registry import get_task
 
 NEEDS_FITS = "motions"
-"""The exhibit that has nothing to show of results without fits."""
+"""The exhibit that is empty for results without fits."""
+
+
+BY_NAME = {exhibit.name: exhibit for exhibit in EXHIBITS}
+TABLE_1, TABLE_2, TABLE_6, FIGURE_7 = (
+    BY_NAME[name] for name in ("table_1", "table_2", "table_6", "figure_7")
+)
 
 
 def rate(fit):
@@ -31,7 +34,7 @@ def rate(fit):
 
 
 class MadeUp(Results):
-    """Results of the preset `paper` whose successes are drawn at random."""
+    """Results of the preset `paper` with random successes."""
 
     frame = pd.DataFrame()
     notes = ("made up",)
@@ -82,8 +85,8 @@ def results():
     return MadeUp()
 
 
-@pytest.mark.parametrize("exhibit", exhibits(), ids=lambda exhibit: exhibit.name)
-def test_an_exhibit_has_a_table_for_people_and_a_caption(exhibit: Exhibit, results):
+@pytest.mark.parametrize("exhibit", EXHIBITS, ids=lambda exhibit: exhibit.name)
+def test_exhibit_has_a_complete_table_and_a_caption(exhibit: Exhibit, results):
     table = exhibit.table(results)
     assert {"row", "column", "value"} <= set(table.columns)
     if exhibit.name == NEEDS_FITS:
@@ -93,14 +96,14 @@ def test_an_exhibit_has_a_table_for_people_and_a_caption(exhibit: Exhibit, resul
     assert not read.duplicated(["row", "column"]).any()
     wide = exhibit.wide(table)
     assert len(wide) == read.row.nunique()
-    # Of nominal physics there is no tuned controller, and the expert needs none.
+    # There is no tuned controller for nominal physics, and the expert has none.
     wide = wide.drop(columns=["nominal", "Expert"], errors="ignore")
     assert not wide.isin(["-"]).any(axis=None)
     assert exhibit.caption(table).endswith(".")
 
 
 EXPECTED = {
-    "unseen": (6, 4),
+    "success": (6, 4),
     "all_tasks": (6, 4),
     "table_1": (1, 4),
     "table_2": (3, 4),
@@ -116,14 +119,14 @@ EXPECTED = {
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_rows_and_columns_are_those_of_the_paper(name, results):
-    table = next(e for e in exhibits() if e.name == name).table(results)
+def test_exhibit_has_as_many_rows_and_columns_as_in_the_paper(name, results):
+    table = BY_NAME[name].table(results)
     assert (table.row.nunique(), table.column.nunique()) == EXPECTED[name]
 
 
 @pytest.mark.parametrize("number", [7, 8, 9, 10])
-def test_robustness_has_the_rows_of_the_paper_a_nominal_column_and_its_numbers(number, results):
-    table = next(e for e in exhibits() if e.name == f"table_{number}").table(results)
+def test_robustness_has_the_papers_rows_and_numbers_and_a_nominal_column(number, results):
+    table = BY_NAME[f"table_{number}"].table(results)
     methods = ["kodex", "nn", "lstm", "ndp", "ngf"]
     rows = ["expert", *(f"{m} original" for m in methods), *(f"{m} tuned" for m in methods)]
     assert table.row.drop_duplicates().tolist() == rows
@@ -137,8 +140,8 @@ def test_robustness_has_the_rows_of_the_paper_a_nominal_column_and_its_numbers(n
     assert beside == (40 if number == 7 else 44)
 
 
-def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
-    table = next(e for e in exhibits() if e.name == "unseen").table(results)
+def test_intervals_contain_the_value_and_spreads_are_over_seeds(results):
+    table = BY_NAME["success"].table(results)
     assert ((table.low <= table.value) & (table.value <= table.high)).all()
     assert table[table.row == "kodex"].spread.isna().all()
     nn = results.main(split="test", method="nn", task="door")
@@ -147,7 +150,7 @@ def test_intervals_hold_their_values_and_spreads_are_over_seeds(results):
     assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 5, 10_000)
 
 
-def test_sizes_are_those_on_the_most_demonstrations_of_each_task(results):
+def test_sizes_use_the_fits_on_the_most_demonstrations_of_each_task(results):
     some = MadeUp()
     fewer = results.frame.demos.where(results.frame.task != "door", 100)
     some.frame = results.frame.assign(demos=fewer)
@@ -155,20 +158,20 @@ def test_sizes_are_those_on_the_most_demonstrations_of_each_task(results):
     assert table.groupby("column").size().to_dict() == dict.fromkeys(TASKS, 3)
 
 
-def test_every_eigenvalue_is_in_figure_7(results):
+def test_figure_7_counts_every_eigenvalue(results):
     counts = FIGURE_7.table(results).pivot(index="row", columns="column", values="value")
     assert set(counts.sum()) == {500}
     assert (counts.loc["1.05 and above"] > 100).all()
 
 
 class TestTable6:
-    def test_it_shows_the_controllers_of_the_run(self, results, monkeypatch):
+    def test_values_are_those_of_the_stored_controllers(self, results, monkeypatch):
         config = {"learning_rate": 2e-4, "epochs": 5}
         monkeypatch.setattr(results, "controller_spec", lambda key: {"config": config})
         wide = TABLE_6.wide(TABLE_6.table(results)).to_numpy().tolist()
         assert wide == [["controller", "0.0002 (0.0001)", "5 (300)"]]
 
-    def test_tasks_whose_controllers_differ_have_rows_of_their_own(self, results, monkeypatch):
+    def test_each_set_of_values_has_a_row_that_names_its_tasks(self, results, monkeypatch):
         frame = results.frame
         tool = set(frame[frame.task == "tool"].controller_key)
 
@@ -183,7 +186,7 @@ class TestTable6:
         }
 
 
-def test_captions_say_what_the_intervals_of_as_many_seeds_cover():
+def test_caption_says_how_often_intervals_of_that_many_seeds_cover_the_truth():
     table = pd.DataFrame({"value": [50.0, 60.0], "low": [40.0, 50.0], "seeds": [1, 1]})
     assert "Seeds: 1. Intervals are 95%, Wilson's. They do not cover" in TABLE_1.caption(table)
     caption = TABLE_1.caption(table.assign(seeds=[1, 3]))
@@ -191,9 +194,9 @@ def test_captions_say_what_the_intervals_of_as_many_seeds_cover():
     assert "at 3 seeds covers the truth in 70 to 97 of 100" in caption
 
 
-def test_a_report_writes_each_exhibit_in_each_format(results, tmp_path):
+def test_report_writes_each_exhibit_in_each_format(results, tmp_path):
     made = write_report(results, tmp_path)
-    shown = [exhibit for exhibit in exhibits() if exhibit.name != NEEDS_FITS]
+    shown = [exhibit for exhibit in EXHIBITS if exhibit.name != NEEDS_FITS]
     assert (len(made.written), made.failed) == (len(shown), {})
     for exhibit in shown:
         for ending in ("csv", "md", "tex"):
@@ -205,7 +208,7 @@ def test_a_report_writes_each_exhibit_in_each_format(results, tmp_path):
         assert len(list((tmp_path / "figures").glob(f"*.{ending}"))) == len(drawn)
 
 
-def test_what_has_no_results_has_no_exhibit(results, tmp_path):
+def test_report_omits_exhibits_without_results(results, tmp_path):
     some = MadeUp()
     some.frame = results.frame[
         (results.frame.split == "validation") & (results.frame.method == "kodex")
@@ -216,14 +219,14 @@ def test_what_has_no_results_has_no_exhibit(results, tmp_path):
     assert TABLE_1.table(some).published.tolist() == [100, 96, 88, 62]
 
 
-def test_a_method_has_one_colour_in_every_figure():
+def test_method_has_the_same_colour_in_every_figure():
     with_expert = ["expert", "kodex", "nn", "mine", "yours"]
     without = with_expert[1:]
     assert [colour(m, with_expert) for m in without] == [colour(m, without) for m in without]
     assert len({colour(m, with_expert) for m in with_expert}) == 5
 
 
-def test_a_method_of_ones_own_is_bold_in_the_legend():
+def test_legend_shows_the_users_method_in_bold():
     table = pd.DataFrame({"row": ["kodex", "mine"], "column": "door", "value": 50.0})
     (legend,) = replace(TABLE_1, own=frozenset({"mine"})).draw(table).legends
     assert {text.get_text(): text.get_fontweight() for text in legend.get_texts()} == {
@@ -232,13 +235,9 @@ def test_a_method_of_ones_own_is_bold_in_the_legend():
     }
 
 
-def exhibit_named(name):
-    return next(exhibit for exhibit in exhibits() if exhibit.name == name)
-
-
 @pytest.mark.parametrize("name", ["table_12", "figure_6_time", "efficiency_time"])
-def test_values_without_a_meaningful_zero_are_dots_on_an_axis_that_fits_them(name, results):
-    exhibit = exhibit_named(name)
+def test_values_without_a_meaningful_zero_are_drawn_as_dots_on_a_fitted_axis(name, results):
+    exhibit = BY_NAME[name]
     table = exhibit.table(results)
     if name == "efficiency_time":
         table = table[table.demos == 200]
@@ -248,8 +247,8 @@ def test_values_without_a_meaningful_zero_are_dots_on_an_axis_that_fits_them(nam
     assert 0 < low < table.value.min() <= table.value.max() < high
 
 
-def test_training_times_are_lines_only_over_several_numbers_of_demonstrations(results):
-    exhibit = exhibit_named("efficiency_time")
+def test_training_times_are_dots_if_the_number_of_demonstrations_does_not_vary(results):
+    exhibit = BY_NAME["efficiency_time"]
     table = exhibit.table(results)
     panel = exhibit.draw(table).axes[0]
     assert all(

@@ -1,4 +1,4 @@
-"""Which episodes fail, and how: `bench failures`, the data frames behind it, and their pictures."""
+"""Which episodes fail and how: `bench failures`, its data frames and pictures, and motions."""
 
 import json
 
@@ -8,13 +8,13 @@ import pytest
 
 from bench.replay import replay
 from bench.results import Results as StoredResults
+from reports.exhibits.starts import summary as halves
+from reports.exhibits.success_over_time import summary as half_times
+from reports.exhibits.success_over_time import table as over_time
 from reports.failing import ELSEWHERE, FAILURES, count_modes, draw_failures, failures
 from reports.motions import draw_motion, motions
 from reports.results import Results
 from reports.starts import shown_numbers, start_values
-from reports.starts import summary as halves
-from reports.success_over_time import summary as half_times
-from reports.success_over_time import table as over_time
 from tasks.base import DIVERGED
 from tasks.errors import InputError
 from tasks.experts import load_expert
@@ -26,7 +26,7 @@ STARTS = 7
 
 @pytest.fixture
 def results(bench, task, smoke, tmp_path):
-    """Results of KODex and the expert, whose every third start fails."""
+    """Results of KODex and the expert, in which every third start fails."""
     folder = tmp_path / "results"
     options = ("--experiments", "success,ood", "--episodes", str(STARTS), "--jobs", "1")
     assert bench("run", "smoke", "--tasks", task.name, *options, "--out", str(folder))[0] == 0
@@ -40,7 +40,7 @@ def row_of(folder, method, split="test"):
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestFailures:
-    def test_there_is_a_row_with_one_mode_for_each_failed_episode(self, task, results):
+    def test_failures_has_one_row_with_a_mode_for_each_failed_episode(self, task, results):
         found = failures(results, task.name, "kodex")
         stored = StoredResults(results).outcomes(row_of(results, "kodex"))
         assert found.start.tolist() == stored.start[~stored.success].tolist() == [0, 3, 6]
@@ -52,7 +52,7 @@ class TestFailures:
             found[numbers], task.sample("test", STARTS).values[found.start]
         )
 
-    def test_the_command_counts_modes_draws_starts_and_names_the_film(self, bench, task, results):
+    def test_command_prints_modes_and_the_film_command_and_draws_starts(self, bench, task, results):
         code, out, err = bench("failures", str(results), "--method", "kodex", "--split", "test")
         assert code == 0
         assert "replaying 3 failed episodes: kodex, seed 0" in err
@@ -63,7 +63,7 @@ class TestFailures:
         film = f"film: bench video {task.name} --results {results} --methods kodex --start 0"
         assert film in out
 
-    def test_json_holds_every_failing_start_of_both_splits(self, bench, task, results):
+    def test_json_lists_all_failing_starts_of_both_splits(self, bench, task, results):
         code, out, _ = bench("failures", str(results), "--json")
         said = json.loads(out)
         assert code == 0
@@ -73,7 +73,7 @@ class TestFailures:
         assert sorted(starts) == [0, 3, 6]
         assert said["pictures"] == [str(results / "pictures" / f"failures-{task.name}.png")]
 
-    def test_packed_results_show_starts_without_modes(self, bench, task, results, tmp_path):
+    def test_failures_of_packed_results_have_no_modes(self, bench, task, results, tmp_path):
         packed = tmp_path / "packed"
         assert bench("pack", str(results), "--out", str(packed))[0] == 0
         found = failures(packed, task.name, "kodex")
@@ -88,7 +88,7 @@ class TestFailures:
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestErrors:
-    def test_what_is_not_there_is_named(self, bench, results):
+    def test_unknown_names_are_refused_with_the_nearest_name(self, bench, results):
         for options, reason in {
             ("--method", "kodx"): "did you mean 'kodex'",
             ("--task", "dor"): "did you mean 'door'",
@@ -105,7 +105,7 @@ class TestErrors:
 
 
 @pytest.mark.parametrize("task", ["tool", "reorientation"], indirect=True)
-def test_a_replay_is_the_stored_episode(task, results):
+def test_replay_equals_the_stored_episode(task, results):
     for method in ("kodex", "expert"):
         for split in ("test", "ood"):
             row = row_of(results, method, split)
@@ -118,7 +118,7 @@ def test_a_replay_is_the_stored_episode(task, results):
 
 @pytest.mark.parametrize("task", ["relocation"], indirect=True)
 class TestMotions:
-    def test_they_are_the_joints_of_the_stored_episode_and_of_the_expert(self, task, results):
+    def test_motions_of_the_expert_equal_its_own_recorded_rollout(self, task, results):
         found = motions(results, task.name, "expert", 4)
         assert found.predicted.isna().all()
         names = [one.name for one in task.components[: task.robot_dim]]
@@ -130,7 +130,7 @@ class TestMotions:
         np.testing.assert_allclose(tracked, wide, atol=1e-6)
         assert set(found.unit) == {"rad", "m"}
 
-    def test_a_prediction_begins_at_the_start_and_has_the_error_of_the_fit(self, task, results):
+    def test_prediction_begins_at_the_start_and_has_the_fits_stored_error(self, task, results):
         found = motions(results, task.name, "kodex", 0)
         first = found[found.t == 0]
         np.testing.assert_allclose(first.predicted, first.demonstrated, atol=1e-9)
@@ -139,7 +139,7 @@ class TestMotions:
         ]
         np.testing.assert_array_equal(first.error, stored)
 
-    def test_a_figure_has_a_panel_for_each_joint_with_its_unit(self, task, results):
+    def test_figure_has_a_panel_with_a_unit_for_each_joint(self, task, results):
         found = motions(results, task.name, "kodex", 0)
         figure = draw_motion(found, ["ARTx", "WRJ1"])
         assert [axes.get_ylabel() for axes in figure.axes] == ["ARTx [m]", "WRJ1 [rad]"]
@@ -147,7 +147,7 @@ class TestMotions:
         with pytest.raises(InputError, match="did you mean 'WRJ1'"):
             draw_motion(found, ["WRJ"])
 
-    def test_the_report_shows_them_and_says_the_same_twice(self, bench, results):
+    def test_report_writes_the_same_bytes_twice(self, bench, results):
         names = ("motions", "starts", "success_over_time")
 
         def written():
@@ -159,20 +159,20 @@ class TestMotions:
         assert {f"{name}.{kind}" for name in names for kind in ("svg", "csv")} <= set(once)
         assert written() == once
 
-    def test_a_report_whose_motions_all_fail_names_them_and_ends_with_exit_code_3(
+    def test_report_whose_motions_all_fail_names_them_and_ends_with_exit_code_3(
         self, bench, results, monkeypatch, tmp_path
     ):
         def refuse(*arguments):
             raise InputError("the fit cannot be loaded")
 
-        monkeypatch.setattr("reports.motions._motions", refuse)
+        monkeypatch.setattr("reports.exhibits.motions.replayed_motion", refuse)
         code, _, error = bench("report", str(results), "--out", str(tmp_path / "report"))
         assert code == 3
         assert "no motion of kodex on relocation: the fit cannot be loaded" in error
         assert "left out: Predicted and tracked motions: InputError: no motion can be" in error
-        assert (tmp_path / "report/tables/unseen.md").exists()
+        assert (tmp_path / "report/tables/success.md").exists()
 
-    def test_packed_results_have_none(self, bench, task, results, tmp_path):
+    def test_motions_of_packed_results_are_refused(self, bench, task, results, tmp_path):
         packed = tmp_path / "packed"
         assert bench("pack", str(results), "--out", str(packed))[0] == 0
         with pytest.raises(InputError, match="packed results, without the fits"):
@@ -180,7 +180,7 @@ class TestMotions:
 
 
 @pytest.mark.parametrize("task", ["door", "reorientation"], indirect=True)
-def test_success_over_time_ends_at_the_success_of_the_episodes(bench, task, smoke, tmp_path):
+def test_success_over_time_ends_at_the_success_rate(bench, task, smoke, tmp_path):
     folder = tmp_path / "results"
     options = ("--experiments", "success", "--episodes", "7", "--jobs", "1")
     assert bench("run", "smoke", "--tasks", task.name, *options, "--out", str(folder))[0] == 0
@@ -195,7 +195,7 @@ def curve(values):
     return pd.DataFrame({"row": "nn", "column": "door", "t": times, "value": values})
 
 
-def test_half_of_the_final_success_is_reached_at_a_time():
+def test_summary_gives_the_time_at_half_of_the_final_success():
     assert half_times(curve([0.0, 20.0, 40.0, 60.0])).value.tolist() == [0.03]
     assert half_times(curve([0.0, 80.0, 40.0])).value.tolist() == [0.02]
     assert half_times(curve([10.0, 0.0])).value.isna().all()
@@ -210,12 +210,12 @@ def test_half_of_the_final_success_is_reached_at_a_time():
         ("reorientation", ["goal_pitch", "goal_yaw"]),
     ],
 )
-def test_the_axes_of_starts_show_what_leaves_the_distribution(name, numbers):
+def test_shown_numbers_are_those_that_go_beyond_the_training_range(name, numbers):
     components = get_task(name).start_components
     assert [components[place].name for place in shown_numbers(get_task(name))] == numbers
 
 
-def test_success_is_told_by_half_of_each_range():
+def test_summary_of_starts_gives_success_in_each_half_of_a_range():
     values = start_values(get_task("tool"), "test", 50)
     share = np.where(values.nail_height > 0.175, 100.0, 0.0)
     table = values.assign(row="nn", column="tool", split="test", value=share)
@@ -224,7 +224,7 @@ def test_success_is_told_by_half_of_each_range():
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_there_are_as_many_looks_as_failure_modes(name):
+def test_each_failure_mode_has_its_own_look(name):
     assert len(FAILURES) >= len({DIVERGED, *get_task(name).failure_modes, ELSEWHERE})
 
 
@@ -236,7 +236,7 @@ def episodes(modes, seed=1, split="test"):
     return values.assign(**labels)
 
 
-def test_modes_are_counted_in_the_order_of_the_task_over_seeds():
+def test_count_modes_counts_over_seeds_in_the_tasks_order():
     turned, lost = "latch not turned", "hand lost the handle"
     whole = pd.concat([episodes([lost, None, turned]), episodes([lost, None, None], seed=2)])
     counts = count_modes(get_task("door"), whole)
@@ -246,7 +246,7 @@ def test_modes_are_counted_in_the_order_of_the_task_over_seeds():
     assert counts.share.tolist() == pytest.approx([100 / 6, 200 / 6])
 
 
-def test_a_picture_has_a_panel_for_each_method_and_a_mark_for_each_mode():
+def test_picture_has_a_panel_for_each_method_and_a_marker_for_each_mode():
     by_method = {
         "nn": episodes([None, "latch not turned", DIVERGED]),
         "kodex": episodes([None, None, "opened too little"]),
@@ -259,7 +259,7 @@ def test_a_picture_has_a_panel_for_each_method_and_a_mark_for_each_mode():
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_method_of_a_package_is_replayed_in_a_process_of_its_own(task, results, monkeypatch):
+def test_method_of_a_package_is_replayed_in_a_separate_process(task, results, monkeypatch):
     apart = []
 
     def spy(job, *arguments):

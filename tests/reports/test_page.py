@@ -1,4 +1,4 @@
-"""The page as a browser shows it."""
+"""The page in a browser."""
 
 import shutil
 from pathlib import Path
@@ -50,7 +50,7 @@ NOTE = "The made-up protocol."
 
 
 class Few(Results):
-    """Methods on one task, two seeds each but for the expert's."""
+    """Results of methods on one task: two seeds each, and one of the expert."""
 
     provenance = ({"host": HOSTILE[0], "versions": {}},)
     finished = ("2026-01-02", "2026-01-03", "2026-01-05")
@@ -97,17 +97,17 @@ ROWS = [("kodex", "door", 90.0), ("nn", "door", 100.0), ("ngf", "door", 9.5)]
 
 
 def page(folder, names=()):
-    """A page of one table, with methods of these names and as many claims and sentences."""
+    """Writes a page of one table, with methods, claims and sentences of these names."""
     rows = ROWS + [(name, "door", float(i)) for i, name in enumerate(names)]
     table = pd.DataFrame(rows, columns=["row", "column", "value"])
     table = table.assign(low=table.value, high=table.value)
     results = Few([row for row, *_ in rows], notes=HOSTILE)
     exhibits = [
         Exhibit(name, f"{name}: a table", "About.", lambda results: table).with_remarks(results)
-        for name in ("unseen", "shown", "absent")
+        for name in ("success", "shown", "absent")
     ]
     claim = dict.fromkeys(("says", "source", "paper", "ours", "evidence"), " ".join(names))
-    tables = {"unseen": table, "shown": table}
+    tables = {"success": table, "shown": table}
     claims = pd.DataFrame([claim])
     path = folder / "index.html"
     path.write_text(
@@ -143,7 +143,7 @@ def browser():
 
 @pytest.fixture
 def opened(browser, tmp_path):
-    """Opens a page; notes whatever it asks the network for or complains about."""
+    """Opens a page and records its requests and errors."""
 
     def open_page(names=(), path=None, **options):
         context = browser.new_context(**options)
@@ -166,13 +166,13 @@ def first_column(view):
     return view.locator("#shown tbody th").all_inner_texts()
 
 
-def test_it_asks_for_nothing_but_itself_and_complains_of_nothing(opened):
+def test_page_makes_no_requests_and_logs_no_errors(opened):
     view = opened()
     assert len(view.asked) == 1
     assert view.said == []
 
 
-def test_a_film_can_be_played(opened, tmp_path):
+def test_film_can_be_played(opened, tmp_path):
     writer = imageio_ffmpeg.write_frames(str(tmp_path / "door-success.mp4"), (32, 32), fps=5)
     writer.send(None)
     for shade in (0, 120, 240):
@@ -186,7 +186,7 @@ def test_a_film_can_be_played(opened, tmp_path):
     assert [url for url in view.asked if not url.startswith("data:")] == view.asked[:1]
 
 
-def test_a_film_that_is_being_written_is_left_out(tmp_path):
+def test_unfinished_film_is_omitted(tmp_path):
     (tmp_path / ".door-failure.mp4").touch()
     assert "data:video/mp4" not in page(tmp_path).read_text()
 
@@ -203,14 +203,14 @@ def test_tables_sort_by_number_and_by_name(opened):
     assert first_column(view) == ["KODex", "NGF", "NN"]
 
 
-def test_the_theme_follows_the_system_and_switches(opened):
+def test_theme_follows_the_system_and_can_be_switched(opened):
     view = opened(color_scheme="dark")
     assert view.locator("html").get_attribute("data-theme") == "dark"
     view.locator("#theme").click()
     assert view.locator("html").get_attribute("data-theme") == "light"
 
 
-def test_hostile_names_and_notes_stay_text(opened):
+def test_hostile_names_and_notes_are_shown_as_text(opened):
     assert len(HOSTILE) == 60
     view = opened(names=HOSTILE)
     assert view.title() == "Imitation policies on a dexterous hand"
@@ -230,7 +230,7 @@ WIDER = """() => [...document.querySelectorAll("body *")]
 
 
 @WIDTHS
-def test_nothing_is_wider_than_the_screen_but_tables_in_their_boxes(opened, report, width):
+def test_page_fits_the_width_of_the_screen(opened, report, width):
     view = opened(path=report, viewport={"width": width, "height": 844})
     unfold(view)
     assert view.evaluate(WIDER) == []
@@ -238,7 +238,7 @@ def test_nothing_is_wider_than_the_screen_but_tables_in_their_boxes(opened, repo
 
 
 @WIDTHS
-def test_the_first_screen_says_what_was_run_and_the_answer(opened, report, width):
+def test_first_screen_shows_what_was_run_and_the_answer(opened, report, width):
     view = opened(path=report, viewport={"width": width, "height": 844})
     last = view.locator(".answer li").last
     box = last.bounding_box()
@@ -249,7 +249,7 @@ def test_the_first_screen_says_what_was_run_and_the_answer(opened, report, width
     assert last.inner_text().startswith("Door: KODex leads with 95.0%; NN is behind KODex by")
 
 
-def test_five_headings_are_closed_at_first_and_a_link_opens_what_it_points_into(opened, report):
+def test_headings_are_closed_and_a_link_opens_its_target(opened, report):
     view = opened(path=report)
     parts = view.locator("details.part")
     headings = ["Success", "Robustness", "Data and time", "KODex inside", "Audit", "Provenance"]
@@ -260,46 +260,46 @@ def test_five_headings_are_closed_at_first_and_a_link_opens_what_it_points_into(
     view.locator("#figure_5 svg").wait_for(state="visible")
 
 
-def test_claims_that_were_not_run_are_folded_away_each_with_its_evidence(opened, report):
+def test_claims_not_run_are_folded_with_their_evidence(opened, report):
     view = opened(path=report)
     claims = view.locator(".claims li")
     assert claims.count() == 15
     evidence = claims.first.locator("p")
     assert not claims.first.is_visible()
-    view.get_by_text("15 not run, for want of results").click()
+    view.get_by_text("15 not run, because results are missing").click()
     assert not evidence.is_visible()
     claims.first.locator("summary").click()
     assert "no results of KODex Tool ood" in evidence.inner_text()
 
 
-def test_each_claim_that_was_decided_has_a_line(opened):
+def test_decided_claim_has_a_line(opened):
     view = opened(names=["decided"])
     assert view.locator(".claims summary").is_visible()
     assert not view.locator(".claims p").is_visible()
 
 
-def test_a_method_of_ones_own_is_highlighted(opened, report):
+def test_users_method_is_highlighted(opened, report):
     view = opened(path=report)
     back = "one => getComputedStyle(one).backgroundColor"
-    shades = [row.evaluate(back) for row in view.locator("#success tbody tr").all()]
+    shades = [row.evaluate(back) for row in view.locator("#seeds tbody tr").all()]
     *others, own = shades
     assert len(shades) == len(METHODS)
     assert set(others) == {"rgba(0, 0, 0, 0)"}
     assert own not in others
 
 
-def test_the_table_of_success_has_a_dot_for_each_seed(opened, report):
-    rows = opened(path=report).locator("#success tbody tr").all()
+def test_success_table_has_a_dot_for_each_seed(opened, report):
+    rows = opened(path=report).locator("#seeds tbody tr").all()
     assert [row.locator("circle").count() for row in rows] == [1, 2, 2, 2]
 
 
 def test_figures_follow_the_theme(opened, report):
     def colours(scheme):
         view = opened(path=report, color_scheme=scheme)
-        ink = view.locator("#unseen figure svg use").first.evaluate(
+        ink = view.locator("#success figure svg use").first.evaluate(
             "one => getComputedStyle(one).fill"
         )
-        paper = view.locator("#unseen figure svg path").first.evaluate(
+        paper = view.locator("#success figure svg path").first.evaluate(
             "one => getComputedStyle(one).fill"
         )
         return ink, paper
@@ -309,7 +309,7 @@ def test_figures_follow_the_theme(opened, report):
     assert dark_paper == "rgb(23, 24, 26)"
 
 
-def test_a_failing_start_has_a_film_or_the_command_for_one(opened, tmp_path):
+def test_failing_start_has_a_film_or_the_command_that_makes_it(opened, tmp_path):
     (tmp_path / "door-start-19.mp4").touch()
     view = opened()
     rows = view.locator("#failures tbody tr")
@@ -325,10 +325,10 @@ def test_a_failing_start_has_a_film_or_the_command_for_one(opened, tmp_path):
     assert command.evaluate("one => String(getSelection())") == command.text_content()
 
 
-def test_the_page_of_the_same_results_has_the_same_bytes(report, tmp_path, monkeypatch):
+def test_same_results_give_the_same_bytes(report, tmp_path, monkeypatch):
     monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     assert write_report(Few(METHODS), tmp_path).page.read_bytes() == report.read_bytes()
 
 
-def test_what_is_missing_is_named(opened):
-    assert "Not shown, for want of results: absent: a table." in opened().content()
+def test_missing_exhibits_are_listed(opened):
+    assert "Not shown, because results are missing: absent: a table." in opened().content()

@@ -1,4 +1,4 @@
-"""Rows that differ in their protocol are refused, and those that do not are not."""
+"""Rows with different protocols are refused, others are not."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -10,15 +10,16 @@ from bench.experiments import cells_of
 from bench.packed import SHIPPED as REFERENCE
 from bench.presets import get_preset
 from methods import registry
-from reports.protocol import SHIPPED, Unlike, differences
+from reports.mixed import SHIPPED, MixedProtocols
+from reports.protocol import differences
 from reports.results import Results
 
 CONTROLLERS = {}
-"""By key, the fields of the controllers that `rows` has met."""
+"""Fields of the controllers that `rows` has met, by key."""
 
 
 def rows(preset, demos_key="key", **values):
-    """The rows that a preset of Door gives."""
+    """Returns the rows of a preset on Door."""
     study = replace(get_preset(preset), **{"tasks": ("door",), "seeds": (1, 2, 3), **values})
     found = []
     for cell in cells_of(study, dict.fromkeys(study.tasks, demos_key)):
@@ -26,7 +27,7 @@ def rows(preset, demos_key="key", **values):
             CONTROLLERS[cell.controller.key] = asdict(cell.controller)
         found.append(asdict(cell.fit) | asdict(cell.evaluation))
     frame = pd.DataFrame(found)
-    # The expert's demonstrations are those that presets learn from.
+    # Presets learn from the expert's demonstrations.
     return frame.assign(demos_key=frame.demos_key.where(frame.method != "expert", "key"))
 
 
@@ -37,10 +38,10 @@ def differing(*parts):
 def refusal(*parts, shipped=()):
     together = pd.concat(parts, ignore_index=True)
     found = differences(together, CONTROLLERS.__getitem__)
-    return str(Unlike(found, Path("results/mine"), shipped).refusal(together))
+    return str(MixedProtocols(found, Path("results/mine"), shipped).error(together))
 
 
-def test_the_shipped_results_can_be_compared():
+def test_shipped_results_can_be_compared():
     results = Results(REFERENCE)
     assert differences(results.frame, results.controller_spec).empty
 
@@ -50,7 +51,7 @@ def test_methods_of_one_run_can_be_compared(preset):
     assert differing(rows(preset)).empty
 
 
-def test_a_smoke_run_beside_the_shipped_results_is_refused():
+def test_smoke_run_cannot_be_compared_with_the_shipped_results():
     message = refusal(
         rows("smoke", methods=("kodex", "nn"), episodes={"success": 20}),
         rows("paper", methods=("ndp", "ngf")),
@@ -62,13 +63,13 @@ def test_a_smoke_run_beside_the_shipped_results_is_refused():
         "  demos                         10       200",
         "  controller epochs              5       300",
         "  share of epochs               2%      100%",
-        "to see them all the same, give --mixed",
+        "to show them nevertheless, give --mixed",
         "get comparable rows: bench run paper --experiments success --tasks door"
         " --methods kodex,nn --out results/mine-paper",
     ]
 
 
-def test_two_methods_of_one_folder_are_named():
+def test_error_names_two_methods_of_one_folder():
     message = refusal(rows("smoke", methods=("kodex",)), rows("paper", methods=("nn",)))
     first, heads, *_ = message.splitlines()
     assert first == "kodex and nn cannot be compared on door"
@@ -76,7 +77,7 @@ def test_two_methods_of_one_folder_are_named():
     assert message.endswith("--methods kodex,nn --out results/mine-paper")
 
 
-def test_a_method_that_was_run_in_two_ways_is_refused():
+def test_method_with_two_protocols_is_refused():
     message = refusal(
         rows("smoke", methods=("kodex",), episodes={"ood": 20}),
         rows("paper", methods=("kodex",), episodes={"success": 20}),
@@ -86,7 +87,7 @@ def test_a_method_that_was_run_in_two_ways_is_refused():
     assert "--experiments success,ood" in message
 
 
-def test_demonstrations_of_a_file_beside_the_experts_are_refused():
+def test_demonstrations_of_a_file_cannot_be_compared_with_the_experts():
     message = refusal(
         rows("quick", "3f2a91c0 and more", methods=("kodex",)), rows("quick", methods=("nn",))
     )
@@ -96,7 +97,7 @@ def test_demonstrations_of_a_file_beside_the_experts_are_refused():
     ]
 
 
-def test_shipped_methods_are_run_again_where_their_demonstrations_cannot_be_made_here():
+def test_command_includes_shipped_methods_whose_demonstrations_cannot_be_made_here():
     mine = rows("paper", methods=("kodex",))
     theirs = rows("paper", "of another MuJoCo", methods=("nn",))
     message = refusal(mine, theirs[theirs.method != "expert"], shipped=("nn",))
@@ -120,7 +121,7 @@ def test_epochs_are_compared_as_a_share_of_each_methods_own(settings, refused):
     assert set(found[found.method == "nn"].value) == ({"2000%"} if refused else set())
 
 
-def test_runs_of_several_shares_are_told_apart_whatever_the_rounding():
+def test_shares_of_epochs_are_told_apart_despite_rounding():
     parts = [
         rows("quick", methods=("nn", "ngf"), epochs_share=0.1),
         rows("paper", methods=("ndp", "lstm")),
@@ -129,17 +130,17 @@ def test_runs_of_several_shares_are_told_apart_whatever_the_rounding():
     assert found.to_dict() == {"nn": "10%", "ngf": "10%", "ndp": "100%", "lstm": "100%"}
 
 
-def test_a_method_that_is_not_installed_has_no_share():
+def test_method_that_is_not_installed_has_no_share_of_epochs():
     gone = rows("quick", methods=("nn",)).replace({"method": {"nn": "gone"}})
     assert differing(gone, rows("paper", methods=("ndp",))).empty
 
 
-def test_numbers_of_demonstrations_and_controllers_of_the_audit_may_differ():
+def test_demonstrations_of_efficiency_and_controllers_of_audit_may_differ():
     experiments = {"success": 20, "efficiency": 20, "audit": 20, "robustness": 20}
     assert differing(rows("paper", methods=("kodex", "ngf"), episodes=experiments)).empty
 
 
-def test_controllers_are_compared_by_name():
+def test_controllers_of_the_same_name_are_compared():
     tuned = get_preset("paper").controller
     other = replace(tuned, learning_rate=1e-3, hidden=(2,))
     found = differing(
@@ -148,16 +149,16 @@ def test_controllers_are_compared_by_name():
     assert set(found.setting) == {"controller hidden", "controller learning rate"}
 
 
-def test_a_closed_loop_method_has_no_controller_to_compare():
+def test_closed_loop_method_has_no_controller_to_compare():
     own = rows("smoke", methods=("kodex",), demos=200).assign(
         method="own", controller="none", controller_key=""
     )
     assert differing(own, rows("paper", methods=("nn",))).empty
 
 
-def test_mixed_results_mark_the_fewer_methods_and_say_what_differs():
+def test_mixed_results_mark_the_smaller_group_and_say_what_differs():
     frame = pd.concat([rows("smoke", methods=("kodex",)), rows("quick", methods=("nn", "ndp"))])
-    unlike = Unlike(differences(frame, CONTROLLERS.__getitem__), Path("results"))
+    unlike = MixedProtocols(differences(frame, CONTROLLERS.__getitem__), Path("results"))
     assert unlike.marked == {"kodex"}
     assert unlike.notes == [
         "Rows that cannot be compared stand beside each other on Door: kodex (demos 10, controller"
@@ -165,19 +166,19 @@ def test_mixed_results_mark_the_fewer_methods_and_say_what_differs():
         " that were run differently."
     ]
     frame = frame[frame.method != "ndp"]
-    unlike = Unlike(differences(frame, CONTROLLERS.__getitem__), Path("results"))
+    unlike = MixedProtocols(differences(frame, CONTROLLERS.__getitem__), Path("results"))
     assert unlike.marked == {"kodex"}
     assert SHIPPED not in unlike.notes[0]
 
 
-def test_mixed_results_mark_what_differs_from_the_shipped():
+def test_mixed_results_mark_methods_that_differ_from_the_shipped():
     frame = pd.concat([rows("smoke", methods=("kodex", "nn")), rows("paper", methods=("ndp",))])
     found = differences(frame, CONTROLLERS.__getitem__)
-    assert Unlike(found, Path("results"), ("ndp",)).marked == {"kodex", "nn"}
-    assert Unlike(found, Path("results")).marked == {"ndp"}
+    assert MixedProtocols(found, Path("results"), ("ndp",)).marked == {"kodex", "nn"}
+    assert MixedProtocols(found, Path("results")).marked == {"ndp"}
 
 
-def test_a_class_that_cannot_be_loaded_has_no_share(monkeypatch):
+def test_method_that_cannot_be_imported_has_no_share_of_epochs(monkeypatch):
     def broken(name, variant):
         raise registry.InputError("cannot be imported")
 
@@ -190,7 +191,7 @@ def test_a_class_that_cannot_be_loaded_has_no_share(monkeypatch):
     ("seeds", "others", "refused"),
     [((1,), (1,), False), ((1,), (1, 2), True), ((1, 2, 3), (2, 3, 4), False), ((1,), (2,), True)],
 )
-def test_seeds_must_be_the_same_or_several_in_common(seeds, others, refused):
+def test_seeds_must_be_equal_or_have_two_in_common(seeds, others, refused):
     found = differing(
         rows("paper", methods=("kodex", "nn"), seeds=seeds),
         rows("paper", methods=("ndp",), seeds=others),
@@ -199,7 +200,7 @@ def test_seeds_must_be_the_same_or_several_in_common(seeds, others, refused):
     assert "kodex" not in set(found.method)
 
 
-def test_what_differs_is_shown_for_each_task():
+def test_error_shows_the_differences_on_each_task():
     parts = [rows("smoke", methods=("kodex",), tasks=(task,)) for task in ("door", "tool")]
     others = [
         rows("paper", methods=("nn",)),

@@ -13,14 +13,14 @@ LINES = Path(__file__).with_name("appendix_tables.txt").read_text().splitlines()
 
 
 def rows_of(number):
-    """The numbers of each row of a table, as (value, spread)."""
+    """Returns the numbers of each row of a table, as (value, spread)."""
     rows = [line.split(": ")[1] for line in LINES if line.startswith(f"{number}: ")]
     cells = [re.findall(r"([\d.]+)(?:\(±([\d.]+)\))?", row) for row in rows]
     return [[(float(v), float(s) if s else np.nan) for v, s in row] for row in cells]
 
 
 @pytest.mark.parametrize("number", TABLES)
-def test_every_number_is_the_appendix_s(number):
+def test_every_number_equals_the_appendix(number):
     frame = published(f"table_{number}")
     found = [part for _, part in frame.groupby("row", sort=False)]
     expected = rows_of(number)

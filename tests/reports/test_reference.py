@@ -1,4 +1,4 @@
-"""The results that are shipped, and what the documents say of them."""
+"""The shipped results, and the tables of them in documents."""
 
 import re
 import subprocess
@@ -28,24 +28,24 @@ sys.exit("torch" in sys.modules)
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """The folder of the report on the shipped results, made without torch."""
+    """Returns the folder of a report on the shipped results, made without torch."""
     folder = tmp_path_factory.mktemp("reference")
     made = subprocess.run([sys.executable, "-c", REPORT, folder], capture_output=True, text=True)
     assert made.returncode == 0, made.stderr
     return folder
 
 
-def test_the_shipped_results_are_small():
+def test_shipped_results_are_smaller_than_10_mib():
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 10 * 2**20
 
 
-def test_every_method_is_on_the_page(report):
-    assert set(pd.read_csv(report / "tables/unseen.csv").row) >= {"expert", "kodex", "nn", "ngf"}
+def test_report_of_the_shipped_results_has_every_method(report):
+    assert set(pd.read_csv(report / "tables/success.csv").row) >= {"expert", "kodex", "nn", "ngf"}
     assert "Reduced protocol" not in (report / "index.html").read_text()
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/results.md"])
-def test_the_tables_of_the_documents_are_those_of_the_report(report, page):
+def test_tables_in_documents_equal_those_of_the_report(report, page):
     text = (ROOT / page).read_text()
     marked = re.findall(r"<!-- (\w+) -->\n\n((?:\|.*\n)+)(?:\n|\Z)", text)
     assert len(marked) == text.count("<!-- ") > 0
@@ -54,7 +54,7 @@ def test_the_tables_of_the_documents_are_those_of_the_report(report, page):
 
 
 @pytest.mark.parametrize("method", ["nn", "lstm", "ndp", "ngf"])
-def test_the_default_size_is_the_smallest_whose_worst_seed_is_near_the_best_size(method):
+def test_default_size_is_the_smallest_whose_worst_seed_is_near_the_best_size(method):
     found = bench.open().frame.query(
         "variant == 'described' and split == 'validation' and demos == 200 and method == @method"
     )

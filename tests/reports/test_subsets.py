@@ -1,4 +1,4 @@
-"""Reports of whatever subset of methods, tasks, experiments, sizes and seeds there is."""
+"""Reports of any subset of methods, tasks, experiments, sizes and seeds."""
 
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -17,15 +17,16 @@ from bench.experiments import cells_of
 from bench.presets import get_preset
 from bench.spec import Evaluation
 from reports import stats, write
+from reports.exhibits import EXHIBITS
 from reports.results import Results
-from reports.write import exhibits, write_report
+from reports.write import write_report
 from tasks.data import generator
 from tasks.masses import physics_names
 from tasks.registry import TASKS
 
 SUITE = ("expert", "kodex", "nn", "ndp")
 OWN = {
-    # By name: controller, sizes, seeds.
+    # Controller, sizes and seeds, by name.
     "mine": ("none", ("single",), (0,)),
     "closed-loop": ("none", ("x large", "1_a", "small"), (3,)),
     "own_motion": ("original", ("64",), (1, 2)),
@@ -36,7 +37,7 @@ OF_DIAGNOSTICS = {"table_11", "table_12", "figure_6", "figure_7"}
 
 @cache
 def everything():
-    """All evaluations of the preset `paper`, of methods of the suite and of other packages."""
+    """Returns all evaluations of the preset `paper`, with methods of the suite and of packages."""
     study = replace(get_preset("paper"), methods=SUITE[1:], seeds=(1, 2))
     study = replace(study, episodes=dict.fromkeys(study.episodes, 12))
     cells = cells_of(study, dict.fromkeys(TASKS, "key"))
@@ -64,7 +65,7 @@ def rows_of(name):
 
 
 class Subset(Results):
-    """Some of the evaluations, whose episodes are drawn at random."""
+    """Results of some evaluations, with random episodes."""
 
     frame = pd.DataFrame()
     provenance = ()
@@ -98,7 +99,7 @@ class Subset(Results):
 
 
 def some(values):
-    """A subset of the values that is not empty."""
+    """Draws a subset of the values that is not empty."""
     return st.sets(st.sampled_from(sorted(values)), min_size=1)
 
 
@@ -116,14 +117,16 @@ def subsets(draw):
 
 @pytest.fixture(scope="module", autouse=True)
 def few_resamples():
-    """Intervals of few resamples: what they say is not what these tests are about."""
+    """Computes intervals from few resamples, since these tests do not check them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stats, "RESAMPLES", 20)
         paired, mean = stats.paired_difference, stats.mean_over_tasks
-        for place in ("claims", "compare"):
+        for place in ("verdicts", "compare"):
             name = f"reports.{place}.paired_difference"
             patch.setattr(name, lambda *a: paired(*a, resamples=20))
-        patch.setattr("reports.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20))
+        patch.setattr(
+            "reports.exhibits.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20)
+        )
         yield
 
 
@@ -145,7 +148,7 @@ def check(made, folder):
     assert made.failed == {}
     page = (folder / "index.html").read_text()
     shown = {path.stem for path in made.written}
-    for exhibit in exhibits():
+    for exhibit in EXHIBITS:
         assert (f'<section id="{exhibit.name}"' in page) == (exhibit.name in shown)
         assert (folder / f"tables/{exhibit.name}.md").exists() == (exhibit.name in shown)
 
@@ -155,7 +158,7 @@ def check(made, folder):
 @example(only(method="mine", split="validation"), True)
 @example(only(variant="set_1"), False)
 @settings(max_examples=12)
-def test_every_subset_has_a_report(frame, diverged):
+def test_any_subset_of_results_has_a_report(frame, diverged):
     results = Subset(frame, diverged)
     results.check_protocol(frame, mixed=True)
     with undrawn(), TemporaryDirectory() as folder:
@@ -174,17 +177,17 @@ def test_every_subset_has_a_report(frame, diverged):
         {"task": "tool", "size": "single"},
     ],
 )
-def test_figures_of_a_subset_are_drawn(values, tmp_path, monkeypatch):
+def test_report_of_a_subset_draws_all_its_figures(values, tmp_path, monkeypatch):
     monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     made = write_report(Subset(only(**values), diverged="mine" in values.values()), tmp_path)
     check(made, tmp_path)
     names = {path.stem for path in made.written}
-    drawn = {e.name for e in exhibits() if e.axis and e.name in names}
+    drawn = {e.name for e in EXHIBITS if e.axis and e.name in names}
     assert {path.stem for path in tmp_path.glob("figures/*")} == drawn
 
 
 @pytest.mark.parametrize("kind", ["missing", "of odd shape", "empty", "not finite"])
-def test_diagnostics_that_cannot_be_read_take_down_their_own_exhibits_alone(kind, tmp_path, capsys):
+def test_unreadable_diagnostics_remove_only_their_own_exhibits(kind, tmp_path, capsys):
     with undrawn():
         sound = write_report(Subset(only(task="door", method="kodex")), tmp_path)
         made = write_report(Subset(only(task="door", method="kodex"), diagnostics=kind), tmp_path)
@@ -195,29 +198,29 @@ def test_diagnostics_that_cannot_be_read_take_down_their_own_exhibits_alone(kind
     assert len(made.failed) >= len(lost)
     for title, reason in made.failed.items():
         assert f"bench: left out: {title}: {reason}\n" in said
-        assert f"Not shown, because it failed: {title}: " in page
+        assert f"Not shown, because of an error: {title}: " in page
     assert "has stored" in reason
 
 
 @pytest.mark.parametrize("part", ["table", "figure"])
-def test_an_exhibit_that_fails_takes_no_other_down(part, tmp_path, monkeypatch, capsys):
+def test_exhibit_that_fails_removes_no_other(part, tmp_path, monkeypatch, capsys):
     def fail(*arguments):
         raise ZeroDivisionError("no such luck")
 
-    monkeypatch.setattr(write, "MODULES", ("unseen", "figure_5"))
+    success, figure_5 = (e for e in EXHIBITS if e.name in ("success", "figure_5"))
+    monkeypatch.setattr(write, "EXHIBITS", (success, figure_5))
     monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     results = Subset(only(method="mine"))
     before = write_report(results, tmp_path)
     assert (len(before.written), before.failed) == (2, {})
-    unseen, figure_5 = exhibits()
-    monkeypatch.setattr(write, "exhibits", lambda: [replace(unseen, **{part: fail}), figure_5])
+    monkeypatch.setattr(write, "EXHIBITS", (replace(success, **{part: fail}), figure_5))
     made = write_report(results, tmp_path)
     (reason,) = made.failed.values()
-    assert list(made.failed) == ["Success on unseen starts"]
+    assert list(made.failed) == ["Success on test starts"]
     assert reason.startswith("ZeroDivisionError: no such luck (test_subsets.py:")
     assert [path.stem for path in made.written] == ["figure_5"]
-    assert not list(tmp_path.rglob("unseen.*"))
-    assert "bench: left out: Success on unseen starts: Zero" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("success.*"))
+    assert "bench: left out: Success on test starts: Zero" in capsys.readouterr().err
     page = (tmp_path / "index.html").read_text()
-    assert "Success on unseen starts: ZeroDivisionError: no such luck" in page
+    assert "Success on test starts: ZeroDivisionError: no such luck" in page
     assert "<svg" in page

@@ -1,4 +1,4 @@
-"""`bench try`, on a small random expert, beside results that are shipped for it."""
+"""`bench try` with a small random expert and results shipped for it."""
 
 import json
 import re
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
 
 class Shipped(Results):
-    """Methods with one rate each, the harder starts failing first; five seeds of all but KODex."""
+    """Shipped results with a rate for each method, which fails on the hardest starts."""
 
     rates = MappingProxyType({"ndp": 0.5, "nn": 0.84, "kodex": 0.8})
 
@@ -41,20 +41,20 @@ class Shipped(Results):
         return hard < self.rates[method]
 
 
-def test_shipped_methods_are_ordered_by_rate_and_compared_start_by_start(task):
+def test_shipped_methods_are_sorted_by_rate_and_compared_on_the_same_starts(task):
     study = study_of(
         "paper", experiments="success", methods="kodex", tasks="door", seeds=(1,), episodes=400
     )
     (cell,) = cells_of(study, {"door": "key"})
     shipped = Shipped(cell)
     trial = Trial(cell, shipped.success(task="door", method="kodex", split="test")[0, :400])
-    table = trial.beside(shipped)
+    table = trial.compare(shipped)
     assert list(table.method) == ["nn", "kodex", "ndp"]
     ahead, same, behind = table.to_dict("records")
     assert ahead["difference"] == pytest.approx(trial.rate["success"] - ahead["success"])
     assert ahead["difference_high"] < 0 < behind["difference_low"]
     assert (same["difference_low"], same["difference_high"], same["p"]) == (0, 0, 1)
-    # Hard starts are common to both, so that pairs say more than two separate intervals do.
+    # Both fail on hard starts, so paired differences are sharper than separate intervals.
     assert ahead["low"] < trial.rate["high"]
 
 
@@ -64,7 +64,7 @@ def tried(bench, *options):
     return json.loads(said)
 
 
-def test_shipped_methods_count_on_the_starts_of_the_trial(bench, reference):
+def test_shipped_methods_are_shown_on_the_starts_of_the_trial(bench, reference):
     theirs = reference()
     found = tried(bench, "--episodes", "7")
     assert (found["method"], found["task"], found["demos"], found["n"]) == ("kodex", "door", 6, 7)
@@ -80,7 +80,7 @@ def test_shipped_methods_count_on_the_starts_of_the_trial(bench, reference):
     assert rates == sorted(rates, reverse=True)
 
 
-def test_of_fewer_shipped_starts_the_difference_is_on_those_that_both_have_met(bench, reference):
+def test_difference_uses_common_starts_if_fewer_are_shipped(bench, reference):
     reference(episodes={"success": 5})
     found = tried(bench, "--episodes", "8")
     (row,) = (row for row in found["shipped"] if row["method"] == "kodex")
@@ -88,7 +88,7 @@ def test_of_fewer_shipped_starts_the_difference_is_on_those_that_both_have_met(b
     assert "starts, on the first 5 starts" in bench("try", "kodex", "--episodes", "8")[1]
 
 
-def test_the_text_shows_the_rates_and_commands_for_the_failures(bench, reference):
+def test_output_shows_rates_and_commands_for_failures(bench, reference):
     reference()
     numbers = tried(bench, "--episodes", "7", "--out", "my results")
     code, said, _ = bench("try", "kodex", "--episodes", "7", "--out", "my results")
@@ -112,7 +112,7 @@ def test_the_text_shows_the_rates_and_commands_for_the_failures(bench, reference
         ({"controller": ControllerConfig(epochs=6)}, {"controller"}),
     ],
 )
-def test_methods_that_were_run_otherwise_are_left_out_and_what_differs_is_named(
+def test_shipped_methods_run_differently_are_omitted_and_the_differences_named(
     bench, reference, changes, named
 ):
     reference(**changes)
@@ -124,7 +124,7 @@ def test_methods_that_were_run_otherwise_are_left_out_and_what_differs_is_named(
     assert "NN" not in said
 
 
-def test_other_demonstrations_and_another_mujoco_are_named(bench, paper, monkeypatch):
+def test_differing_demonstrations_and_mujoco_are_named(bench, paper, monkeypatch):
     monkeypatch.setattr("reports.trial.version", lambda package: "3.0")
     found = tried(bench, "--episodes", "4")
     assert found["shipped"] == []
@@ -134,7 +134,7 @@ def test_other_demonstrations_and_another_mujoco_are_named(bench, paper, monkeyp
     assert rows["MuJoCo"][0] == "3.0"
 
 
-def test_nothing_but_the_method_is_evaluated_and_a_second_time_nothing_is(bench, reference):
+def test_try_evaluates_the_method_alone_and_once(bench, reference):
     reference()
     first, again = (tried(bench, "--episodes", "4") for _ in range(2))
     assert first | {"seconds": 0} == again | {"seconds": 0}
@@ -144,7 +144,7 @@ def test_nothing_but_the_method_is_evaluated_and_a_second_time_nothing_is(bench,
     assert tried(bench, "--episodes", "4", "--set", "kodex.observables=2")["n"] == 4
 
 
-def test_predictions_that_are_not_finite_are_counted_as_diverged(bench, reference, monkeypatch):
+def test_predictions_that_are_not_finite_count_as_diverged(bench, reference, monkeypatch):
     reference()
 
     def rollout(self, start, steps):
@@ -158,7 +158,7 @@ def test_predictions_that_are_not_finite_are_counted_as_diverged(bench, referenc
     assert "4 failed (4 diverged): " in bench("try", "kodex", "--episodes", "4")[1]
 
 
-def test_a_method_that_fails_is_named_with_task_file_and_line(bench, paper, monkeypatch):
+def test_error_in_a_method_names_task_file_and_line(bench, paper, monkeypatch):
     def fit(self, demos, validation, seed):
         raise ZeroDivisionError("no scale")
 
@@ -179,7 +179,7 @@ def test_a_method_that_fails_is_named_with_task_file_and_line(bench, paper, monk
         (("kodex", "--seed", "0"), "must be a whole number from 1"),
     ],
 )
-def test_what_does_not_exist_is_refused(bench, paper, words, answer):
+def test_unknown_names_and_values_are_refused(bench, paper, words, answer):
     code, said, error = bench("try", *words)
     assert (code, said) == (2, "")
     assert answer in re.sub(r"[\s│]+", " ", error)

@@ -1,4 +1,4 @@
-"""Films of stored methods, drawn and read back."""
+"""Films of stored methods, drawn and decoded."""
 
 import os
 import subprocess
@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from reports.video import Take, Watched, _add_ghost, _camera
+from reports.video import RecordingPolicy, Take, _add_ghost, _camera
 from tasks.experts import load_expert
 from tasks.simulator import rollout
 
@@ -36,7 +36,7 @@ def pictures(path, height, width):
 
 
 @pytest.mark.parametrize("task", ["door", "reorientation"], indirect=True)
-def test_a_film_shows_each_method_from_start_to_end_and_is_in_the_page(bench, task, results):
+def test_film_shows_each_method_from_start_to_end_and_is_on_the_page(bench, task, results):
     code, out, err = bench("video", task.name, "--results", str(results), *CHOICE)
     assert (code, err) == (0, "")
     path = results / "videos" / f"{task.name}-start-1.mp4"
@@ -51,7 +51,7 @@ def test_a_film_shows_each_method_from_start_to_end_and_is_in_the_page(bench, ta
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_without_a_start_there_is_a_film_of_success_and_one_of_failure(bench, task, results):
+def test_default_films_show_one_success_and_one_failure(bench, task, results):
     code, out, _ = bench("video", task.name, "--results", str(results), "--methods", "kodex")
     assert code == 0
     names = [f"{task.name}-{what}.mp4" for what in ("success", "failure")]
@@ -59,7 +59,7 @@ def test_without_a_start_there_is_a_film_of_success_and_one_of_failure(bench, ta
 
 
 @pytest.mark.parametrize("task", ["tool", "relocation"], indirect=True)
-def test_a_ghost_is_made_of_geoms_of_the_hand_alone(task):
+def test_ghost_consists_of_the_hands_geoms_alone(task):
     data, scene = mujoco.MjData(task.model), mujoco.MjvScene(task.model, 1000)
     take = Take("kodex", task, task.model, np.zeros((1, task.model.nq)), None, True)
     _add_ghost(take, scene, data, np.zeros(task.robot_dim))
@@ -72,7 +72,7 @@ def test_a_ghost_is_made_of_geoms_of_the_hand_alone(task):
 
 
 def on_screen(task, model, positions, bodies):
-    """Where bodies are in the square picture of a film (B, 2), from -1 to 1."""
+    """Returns the places of bodies (B, 2) in the square picture of a film, from -1 to 1."""
     data = mujoco.MjData(model)
     data.qpos = positions
     mujoco.mj_forward(model, data)
@@ -86,7 +86,7 @@ def on_screen(task, model, positions, bodies):
     return np.stack([seen @ right, seen @ eye.up], axis=1) / depth[:, None]
 
 
-def test_the_hand_and_the_object_stay_in_the_picture(task):
+def test_hand_and_object_stay_in_the_picture(task):
     starts = task.sample("test", 3)
     manipulated = "latch" if task.name == "door" else "Object"
     root = task.model.body_rootid[task.model.jnt_bodyid[0]]
@@ -94,25 +94,25 @@ def test_the_hand_and_the_object_stay_in_the_picture(task):
     hand = [body for body in arm if task.model.body(body).name not in ("forearm", "vive_tracker")]
     shown = [*hand, task.model.body(manipulated).id]
     for start in range(len(starts)):
-        watched = Watched(load_expert(task).policy)
-        rollout(task, starts[start : start + 1], watched, threads=1, whole=True)
-        for positions in watched.positions[::10]:
-            assert np.abs(on_screen(task, watched.model, positions, shown)).max() < 1
+        recorder = RecordingPolicy(load_expert(task).policy)
+        rollout(task, starts[start : start + 1], recorder, threads=1, whole=True)
+        for positions in recorder.positions[::10]:
+            assert np.abs(on_screen(task, recorder.model, positions, shown)).max() < 1
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_method_without_results_is_named(bench, task, results):
+def test_method_without_results_is_refused(bench, task, results):
     code, _, err = bench("video", task.name, "--results", str(results), "--methods", "nn")
     assert code == 2
     assert "unknown method with results 'nn': choose from expert, kodex" in err
     code, _, err = bench("video", "tool", "--results", str(results), "--methods", "kodex")
     assert code == 2
-    assert "no method has results on unseen starts of 'tool'" in err
+    assert "no method has results on test starts of 'tool'" in err
     assert not (results / "videos").exists()
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_method_with_two_settings_is_filmed_in_both(bench, task, results):
+def test_method_with_two_settings_is_filmed_with_both(bench, task, results):
     options = ("--experiments", "success", "--episodes", "3", "--jobs", "1", "--out", str(results))
     bench("run", "smoke", "--tasks", "door", "--set", "kodex.observables=1", *options)
     names = ("--methods", "kodex:observables=1,kodex", "--start", "1")

@@ -1,12 +1,13 @@
-"""Figure 6, center and right: what the set of observables does to imitation error and success."""
+"""Figure 6, center and right: imitation error and success by set of observables."""
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.exhibit import Exhibit, add_legend, errors_of
+from reports.charts import add_legend, errors_of
+from reports.exhibit import Exhibit
+from reports.exhibits.table_11 import SETS
 from reports.results import Results
 from reports.style import colour, display
-from reports.table_11 import SETS
 
 ERROR = "imitation error [rad, m]"
 PANELS = (ERROR, "success [%]")
@@ -18,26 +19,24 @@ def table(results: Results) -> pd.DataFrame:
     tested = {v: results.main(method="kodex", variant=v, split="test") for v in SETS}
     rates = results.rates(pd.concat(tested.values()), ["variant", "task"])
     for variant, name in SETS.items():
-        found = tested[variant]
         success = rates[rates.variant == variant].rename(columns={"task": "column"})
         rows += success.assign(row=f"{name}: success [%]").to_dict("records")
-        for one in found.drop_duplicates("task").itertuples():
+        for one in tested[variant].drop_duplicates("task").itertuples():
             error = results.imitation_error(one.folder)
             rows.append({"row": f"{name}: {ERROR}", "column": one.task, "value": error})
     return pd.DataFrame(rows, columns=["row", "column", "value", "low", "high", "n", "diverged"])
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns two panels, sets along the axis, one line a task."""
+    """Returns a panel for each quantity, with the sets along the axis and a line for each task."""
     drawing = Figure(figsize=(6.4, 3.2))
     parts = table.row.str.split(": ", n=1, expand=True)
     for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
         tasks = table.column.drop_duplicates().tolist()
         for place, task in enumerate(tasks):
             chosen = table[(parts[1] == quantity) & (table.column == task)]
-            names = parts[0][chosen.index]
             axes.errorbar(
-                names,
+                parts[0][chosen.index],
                 chosen.value,
                 errors_of(chosen),
                 marker="o^sD"[place],
@@ -55,12 +54,12 @@ EXHIBIT = Exhibit(
     title="Figure 6: the choice of observables",
     about=(
         "Mean absolute error of the predicted joints on the validation demonstrations, t = 2..T;"
-        " success [%] on unseen starts. Published: figure only."
+        " success [%] on test starts. Published: figure only."
     ),
     table=table,
     part="KODex inside",
     unit="",
     digits=3,
     figure=figure,
-    of=("kodex",),
+    subjects=("kodex",),
 )

@@ -1,23 +1,25 @@
-"""Audit of the controller: success with others that differ in their random numbers alone."""
+"""Audit of the controller: success with controllers that differ in their random numbers alone."""
 
 import pandas as pd
 
 from bench.controller_kinds import ORIGINAL, RESEEDED
-from reports.exhibit import Exhibit, in_order, panels, success_table
+from reports.charts import panels
+from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS
+from reports.tables import in_order, success_table, table_of
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each task and method, and a column for each controller and for all.
+    """Returns a row for each task and method, and a column for each controller and their mean.
 
-    The same fits stand in each column, and the same starts.
+    All columns have the same fits and starts.
     """
     others = pd.concat([results.main(controller=name, split="test") for name in RESEEDED.values()])
     if others.empty:
-        return pd.DataFrame(columns=["row", "column", "value"])
-    same = results.main(controller=ORIGINAL, split="test")
-    found = pd.concat([same[same.folder.isin(others.folder)], others])
+        return table_of()
+    original = results.main(controller=ORIGINAL, split="test")
+    found = pd.concat([original[original.folder.isin(others.folder)], others])
     found = found.assign(label=found.method + " " + found.task)
     success = success_table(results, found, "label", "controller")
     rows = [f"{method} {task}" for task in TASKS for method in METHODS[1:]]
@@ -25,7 +27,7 @@ def table(results: Results) -> pd.DataFrame:
 
 
 def _with_mean(success: pd.DataFrame) -> pd.DataFrame:
-    """The table with each row's mean over controllers, and the standard deviation over them."""
+    """Adds the mean and the standard deviation of each row over controllers."""
     values = success.groupby("row").value
     mean = pd.DataFrame({"value": values.mean(), "spread": values.std(ddof=0)})
     return pd.concat([success, mean.reset_index().assign(column="mean")])
@@ -35,9 +37,8 @@ EXHIBIT = Exhibit(
     name="audit_controller",
     title="Audit of the controller: other random numbers",
     about=(
-        "Success [%] on unseen starts with the original controller, and with four that were"
-        " trained on the same demonstrations with other random numbers; the mean's ± is over"
-        " controllers."
+        "Success [%] on test starts with the original controller, and with four that were trained"
+        " on the same demonstrations with other random numbers. Mean: ± is over controllers."
     ),
     table=table,
     part="audit",

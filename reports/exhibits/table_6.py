@@ -1,4 +1,4 @@
-"""Table 6: the tracking controller's hyperparameters."""
+"""Table 6: hyperparameters of the tracking controller."""
 
 import pandas as pd
 
@@ -7,38 +7,39 @@ from reports.exhibit import Exhibit
 from reports.paper import published
 from reports.results import Results
 
-COLUMNS = {"learning rate": "learning_rate", "iterations": "epochs"}
-"""What is shown, under its name in a controller's config."""
+FIELDS = {"learning rate": "learning_rate", "iterations": "epochs"}
+"""Field of a controller's config, by column."""
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns the learning rate and the iterations; layers and activation are in the caption.
+    """Returns the learning rate and the iterations. The caption gives layers and activation.
 
-    Where tasks have other values, each kind of controller has a row that names its tasks.
+    Where the values differ between tasks, each set of values has a row that names its tasks.
     """
     paper = published("table_6").set_index("column").value
-    kinds = _kinds(results)
+    tasks_by_values = _tasks_by_values(results)
     rows = []
-    for number, (values, tasks) in enumerate(kinds.items(), 1):
-        row = "controller" if len(kinds) == 1 else f"controller {number}: {', '.join(tasks)}"
+    for number, (values, tasks) in enumerate(tasks_by_values.items(), 1):
+        several = len(tasks_by_values) > 1
+        row = f"controller {number}: {', '.join(tasks)}" if several else "controller"
         rows += [
             {"row": row, "column": name, "value": value, "published": float(paper[name])}
-            for name, value in zip(COLUMNS, values, strict=True)
+            for name, value in zip(FIELDS, values, strict=True)
         ]
     return pd.DataFrame(rows, columns=["row", "column", "value", "published"])
 
 
-def _kinds(results: Results) -> dict[tuple[float, ...], list[str]]:
-    """By the values of the columns, the tasks whose original controller has them."""
+def _tasks_by_values(results: Results) -> dict[tuple[float, ...], list[str]]:
+    """Returns the tasks whose original controller has the same values, by these values."""
     frame = results.frame
     found = frame[frame.controller == ORIGINAL].drop_duplicates("controller_key")
-    kinds: dict[tuple[float, ...], list[str]] = {}
+    tasks: dict[tuple[float, ...], list[str]] = {}
     for task, key in zip(found.task, found.controller_key, strict=True):
         config = results.controller_spec(key)["config"]
-        tasks = kinds.setdefault(tuple(config[name] for name in COLUMNS.values()), [])
-        if task not in tasks:
-            tasks.append(task)
-    return kinds
+        same = tasks.setdefault(tuple(config[name] for name in FIELDS.values()), [])
+        if task not in same:
+            same.append(task)
+    return tasks
 
 
 EXHIBIT = Exhibit(

@@ -1,4 +1,4 @@
-"""When each method reaches the goal: the share of episodes that have succeeded, over time."""
+"""When methods reach the goal: the share of episodes that have succeeded, over time."""
 
 from typing import Any
 
@@ -7,17 +7,18 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from reports.exhibit import Exhibit, in_order
+from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, dashes, display, ordered
+from reports.tables import in_order, table_of
 from tasks.data import CONTROL_STEP, FloatArray
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each method, task and control step: the share [%] of episodes.
+    """Returns a line for each method, task and control step: ``value``, the share of episodes [%].
 
-    Columns: ``t`` the time [s], ``value`` the mean over seeds, ``least`` and ``most`` of a seed,
-    ``seeds``, ``n`` episodes of each.
+    Columns: ``t`` the time [s], ``value`` the mean over seeds, ``least`` and ``most`` of any seed,
+    ``seeds``, ``n`` episodes of each seed.
     """
     parts = []
     for (task, method), found in results.main(split="test").groupby(["task", "method"], sort=False):
@@ -39,14 +40,13 @@ def table(results: Results) -> pd.DataFrame:
                     }
                 )
             )
-    empty = pd.DataFrame(columns=["row", "column", "value"])
-    return in_order(pd.concat(parts), METHODS) if parts else empty
+    return in_order(pd.concat(parts), METHODS) if parts else table_of()
 
 
 def _curve(results: Results, name: str, row: dict[str, Any], count: int) -> FloatArray | None:
-    """The share of the first episodes that would have succeeded had they ended at a step, (T-1,).
+    """Returns the share (T-1,) of episodes that would have succeeded had they ended at each step.
 
-    None where that takes readings and none are kept.
+    Only the first `count` episodes count. None where this needs readings and none are stored.
     """
     from tasks.registry import get_task  # imports MuJoCo
 
@@ -56,16 +56,16 @@ def _curve(results: Results, name: str, row: dict[str, Any], count: int) -> Floa
     if task.ends_early:
         met = outcomes.success.to_numpy() & (outcomes.steps.to_numpy() <= steps[:, None])
         return np.asarray(met.mean(axis=1))
-    kept = results.readings(row)
-    if kept is None:
+    stored = results.readings(row)
+    if stored is None:
         return None
-    readings = kept[:count].astype(np.float64)
+    readings = stored[:count].astype(np.float64)
     sound = ~outcomes.diverged.to_numpy()
     return np.array([(task.success(readings[:, :step]) & sound).mean() for step in steps])
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns when each method has had half of its success [s]; NaN where it has none."""
+    """Returns when each method reaches half of its final success [s]; NaN where it has none."""
     rows = []
     for (method, task), curve in table.groupby(["row", "column"], sort=False):
         half = curve[curve.value >= curve.value.iloc[-1] / 2]
@@ -75,7 +75,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns one panel a task, one line a method."""
+    """Returns a panel for each task with a line for each method."""
     tasks, methods = ordered(table.column, TASKS), ordered(table.row, METHODS)
     drawing = Figure(figsize=(2.6 * len(tasks) + 1.2, 2.9), layout="constrained")
     panels = drawing.subplots(1, len(tasks), sharey=True, squeeze=False)[0]
@@ -104,12 +104,11 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 EXHIBIT = Exhibit(
     name="success_over_time",
     title="Success over time",
-    about="Figure: the share of episodes, from unseen starts, that would have succeeded had they"
-    " ended at that time; bands reach from the lowest seed to the highest. The rules of Tool and"
-    " Door read the last step alone, so that there the share can fall again; those of Relocation"
-    " and Reorientation count steps, and success once reached stays. Where readings are not kept,"
-    " as in packed results, Tool and Door are missing. Table: when a method has had half of its"
-    " final success [s].",
+    about="Figure: the share of episodes from test starts that would have succeeded had they ended"
+    " at that time; bands reach from the lowest seed to the highest. Tool and Door are judged at"
+    " the last step alone, so their share can fall again; Relocation and Reorientation count steps,"
+    " so success stays once reached. Tool and Door are missing where readings are not stored, as in"
+    " packed results. Table: when a method reaches half of its final success [s].",
     table=table,
     unit="s",
     digits=2,

@@ -1,4 +1,4 @@
-"""Figure 7: how often eigenvalue magnitudes of K occur."""
+"""Figure 7: histogram of the eigenvalue magnitudes of K."""
 
 from itertools import pairwise
 
@@ -6,18 +6,20 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from reports.charts import task_panels
 from reports.exhibit import Exhibit
+from reports.exhibits.table_12 import magnitudes
 from reports.results import Results
-from reports.style import INK, colour, display
-from reports.table_12 import magnitudes
+from reports.style import INK, colour
+from reports.tables import table_of
 
 EDGES = np.linspace(0, 1.1, 23)
-"""Of the intervals; the last one holds all that is larger, too."""
+"""Edges of the bins. The last bin also holds all larger magnitudes."""
 LARGEST = f"{EDGES[-2]:.2f} and above"
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each interval of magnitudes and a column for each task: how many."""
+    """Returns a row for each bin and a column for each task: the number of eigenvalues."""
     names = [f"{low:.2f} to {high:.2f}" for low, high in pairwise(EDGES[:-1])] + [LARGEST]
     rows = []
     for task, values in magnitudes(results).items():
@@ -26,22 +28,16 @@ def table(results: Results) -> pd.DataFrame:
             {"row": name, "column": task, "value": float(count)}
             for name, count in zip(names, counts, strict=True)
         ]
-    return pd.DataFrame(rows, columns=["row", "column", "value"])
+    return table_of(rows)
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns one histogram a task."""
+    """Returns a histogram for each task."""
     tasks = table.column.drop_duplicates().tolist()
-    lines, columns = -(-len(tasks) // 2), min(len(tasks), 2)
-    drawing = Figure(figsize=(2.9 * columns + 0.6, 2 * lines + 0.6))
-    panels = drawing.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for empty in panels[len(tasks) :]:
-        empty.remove()
-    for axes, task in zip(panels[: len(tasks)], tasks, strict=True):
-        counts = table[table.column == task].value
-        axes.stairs(counts, EDGES, fill=True, color=colour(task, tasks))
+    drawing, panels = task_panels(tasks, (2.9, 2), (0.6, 0.6), sharex=True)
+    for task, axes in panels.items():
+        axes.stairs(table[table.column == task].value, EDGES, fill=True, color=colour(task, tasks))
         axes.axvline(1, color=INK, lw=0.8, ls="--")
-        axes.set_title(display(task), fontsize=10, loc="left")
     drawing.supxlabel(f"magnitude (last bin: {LARGEST})", fontsize=10)
     drawing.supylabel("eigenvalues", fontsize=10)
     return drawing
@@ -50,12 +46,12 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 EXHIBIT = Exhibit(
     name="figure_7",
     title="Figure 7: eigenvalue magnitudes",
-    about="Eigenvalues of K by magnitude; beyond the dashed line at 1 a mode grows. Published:"
+    about="Eigenvalues of K by magnitude. Modes grow beyond the dashed line at 1. Published:"
     " figure only.",
     table=table,
     part="KODex inside",
     unit="",
     digits=0,
     figure=figure,
-    of=("kodex",),
+    subjects=("kodex",),
 )

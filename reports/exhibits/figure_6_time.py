@@ -1,14 +1,16 @@
-"""Figure 6, left: what the set of observables does to training time."""
+"""Figure 6, left: training time by set of observables."""
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, log_dots
+from reports.charts import log_dots
+from reports.exhibit import Exhibit
+from reports.exhibits.table_11 import SETS
 from reports.results import Results
-from reports.table_11 import SETS
+from reports.tables import table_of
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each set and a column for each task: seconds of the fit of K."""
+    """Returns a row for each set and a column for each task: seconds to fit K."""
     rows = [
         {"row": name, "column": one.task, "value": one.fit_seconds}
         for variant, name in SETS.items()
@@ -17,7 +19,7 @@ def table(results: Results) -> pd.DataFrame:
         .drop_duplicates("task")
         .itertuples()
     ]
-    return pd.DataFrame(rows, columns=["row", "column", "value"])
+    return table_of(rows)
 
 
 EXHIBIT = Exhibit(
@@ -33,5 +35,5 @@ EXHIBIT = Exhibit(
     digits=2,
     axis="fit time [s]",
     figure=log_dots,
-    of=("kodex",),
+    subjects=("kodex",),
 )

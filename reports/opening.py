@@ -1,4 +1,4 @@
-"""What the page opens with: what was run, the success of each seed, and the starts that fail."""
+"""The opening of the page: what was run, the success of each seed, and starts that fail."""
 
 import shlex
 from collections.abc import Mapping
@@ -12,15 +12,16 @@ import pandas as pd
 from bench.labels import EXPERT
 from bench.packed import is_packed
 from reports.exhibit import Exhibit, span
+from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
 
 STEP = 10
-"""Points of success: the strips of a task begin and end at multiples of it."""
+"""Points of success. The strips of a task begin and end at multiples of it."""
 
 
-def study(results: Results) -> dict[str, str]:
-    """Returns what was run, under the name of each fact."""
+def study_facts(results: Results) -> dict[str, str]:
+    """Returns what was run, by name of the fact."""
     frame, found = results.frame, results.main(split="test")
     found = found if len(found) else frame
     methods = sorted(ordered(frame.method, METHODS), key=EXPERT.__eq__)  # the expert comes last
@@ -30,7 +31,7 @@ def study(results: Results) -> dict[str, str]:
     return {
         "study": results.name,
         "run": " to ".join(dict.fromkeys([days[0], days[-1]])) if days else "unknown",
-        "methods": ", ".join(display(name, results.suffixes) for name in methods),
+        "methods": ", ".join(map(results.display, methods)),
         "tasks": ", ".join(map(display, ordered(frame.task, TASKS))),
         "seeds of a method": span(seeds) + alone,
         "starts": span(found.episodes),
@@ -39,13 +40,14 @@ def study(results: Results) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Strip:
-    """The success of the seeds of one method on one task, as places from 0 to 100 on a line."""
+    """The success of a method's seeds on a task, drawn on a line from 0 to 100."""
 
     text: str
-    """Mean and interval, in per cent."""
+    """Mean and interval [%]."""
     shares: str
-    """The success of each seed, in words."""
+    """Success of each seed, as text."""
     dots: list[float]
+    """Place of each seed. `low` and `high` are the places of the interval's ends."""
     low: float
     high: float
 
@@ -55,12 +57,13 @@ def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str,
 
     Args:
         results: of a run.
-        exhibit: success on unseen starts.
+        exhibit: success on test starts.
         table: its table.
 
     Returns:
-        ``columns``: names of tasks, each with the ``ends`` of its lines in per cent; ``rows``:
-        names of methods, each with its cells, a `Strip` or None, and whether it is one's ``own``.
+        ``columns``: the ``name`` of each task and the ``ends`` of its lines [%]. ``rows``: the
+        ``name`` of each method, its ``cells``, a `Strip` or None, and whether it is the user's
+        ``own``.
     """
     shares = {
         (row, task): _shares(results, row, task)
@@ -89,19 +92,20 @@ def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str,
     }
 
 
-def failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Returns the first unseen start that each method fails from, with its first seed.
+def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Returns the first test start from which each method fails, with its first seed.
 
     Args:
         results: of a run.
-        films: by stem of its file, the anchor of a film on the page.
+        films: anchors of films on the page, by stem of their files.
 
     Returns:
-        Of each task and method: ``task``, ``method``, ``start`` (None if it always succeeds), the
-        ``film`` of that start or None, and the ``command`` that films it.
+        For each task and method: ``task``, ``method``, whether it is the user's ``own``, ``start``
+        (None if it always succeeds), the ``film`` of that start or None, and the ``command`` that
+        films it.
     """
-    found = results.main(split="test").sort_values("seed", kind="stable")
-    found = found[found.method != EXPERT].drop_duplicates(["task", "method"])
+    found = without_expert(results.main(split="test")).sort_values("seed", kind="stable")
+    found = found.drop_duplicates(["task", "method"])
     # Packed results hold no fits to film: there the reader names a folder that does.
     place = "DIR" if is_packed(results.folder) else shlex.quote(str(results.folder))
     rows = []
@@ -113,7 +117,7 @@ def failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]
             rows.append(
                 {
                     "task": display(task),
-                    "method": display(method, results.suffixes),
+                    "method": results.display(method),
                     "own": method in results.own,
                     "start": start,
                     "film": films.get(f"{task}-start-{start}"),
@@ -125,7 +129,7 @@ def failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]
 
 
 def _shares(results: Results, method: str, task: str) -> np.ndarray:
-    """Success (S,) of each seed in per cent."""
+    """Returns the success of each seed [%] (S,)."""
     success = results.success(method=method, task=task, split="test")
     return np.empty(0) if success is None else 100 * success.mean(axis=1)
 

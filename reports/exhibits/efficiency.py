@@ -1,4 +1,4 @@
-"""Sample efficiency: success against the number of demonstrations."""
+"""Sample efficiency: success by number of demonstrations."""
 
 from collections.abc import Sequence
 
@@ -6,22 +6,24 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.exhibit import Exhibit, add_legend, errors_of
+from reports.charts import add_legend, errors_of, task_panels
+from reports.exhibit import Exhibit
+from reports.pairing import without_expert
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, display, marker, ordered
+from reports.style import METHODS, TASKS, colour, marker, ordered
+from reports.tables import table_of
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = results.chosen(split="test")
-    found = found[(found.method != "expert")]
-    if found.empty or found.demos.nunique() < 2:
-        return pd.DataFrame(columns=["row", "column", "value"])
-    return in_rows(results.rates(found, ["method", "demos", "task"]))
+    found = without_expert(results.chosen(split="test"))
+    if found.demos.nunique() < 2:
+        return table_of()
+    return by_demos(results.rates(found, ["method", "demos", "task"]))
 
 
-def in_rows(found: pd.DataFrame) -> pd.DataFrame:
-    """Returns values by method, demos and task as rows and columns of an exhibit, in order."""
+def by_demos(found: pd.DataFrame) -> pd.DataFrame:
+    """Returns values of methods, demos and tasks as rows "method demos" and columns "task"."""
     order = {name: place for place, name in enumerate(ordered(found.method, METHODS))}
     found = found.sort_values(["method", "demos"], key=lambda c: c.map(order).fillna(c))
     label = found.method + " " + found.demos.astype(str)
@@ -29,7 +31,7 @@ def in_rows(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns one panel a task, one line a method, with intervals."""
+    """Returns a panel for each task with a line and intervals for each method."""
     drawing = draw_lines(table, exhibit)
     for axes in drawing.axes:
         axes.set_ylim(0, 105)
@@ -37,16 +39,12 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 
 
 def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns one panel a task, one line a method, with intervals where there are any."""
+    """Returns a panel for each task with a line for each method, and intervals if there are any."""
     tasks = [task for task in TASKS if task in set(table.column)]
-    lines, columns = -(-len(tasks) // 2), min(len(tasks), 2)
-    drawing = Figure(figsize=(3.1 * columns + 0.4, 2.2 * lines + 0.6))
-    panels = drawing.subplots(lines, columns, sharey=True, squeeze=False).ravel()
-    for empty in panels[len(tasks) :]:
-        empty.remove()
+    drawing, panels = task_panels(tasks, (3.1, 2.2), (0.4, 0.6))
     methods = table.method.drop_duplicates().tolist()
     counts = sorted(table.demos.unique())
-    for axes, task in zip(panels[: len(tasks)], tasks, strict=True):
+    for task, axes in panels.items():
         for method in methods:
             part = table[(table.column == task) & (table.method == method)]
             axes.errorbar(
@@ -61,8 +59,7 @@ def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 label=exhibit.display(method),
             )
         axes.set(xscale="log")
-        axes.set_title(display(task), fontsize=10, loc="left")
-        axes.set_xticks(counts, _apart(counts), fontsize=9)
+        axes.set_xticks(counts, _tick_labels(counts), fontsize=9)
         axes.minorticks_off()
     drawing.supxlabel("demonstrations", fontsize=10)
     drawing.supylabel(exhibit.axis, fontsize=10)
@@ -70,8 +67,8 @@ def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     return drawing
 
 
-def _apart(counts: Sequence[int]) -> list[str]:
-    """The counts as labels, empty where the next one is too near on a logarithmic axis."""
+def _tick_labels(counts: Sequence[int]) -> list[str]:
+    """Returns the counts as text, empty where the next one is too near on a logarithmic axis."""
     nexts = [*counts[1:], np.inf]
     return [
         str(count) if later >= 1.4 * count else ""
@@ -82,7 +79,7 @@ def _apart(counts: Sequence[int]) -> list[str]:
 EXHIBIT = Exhibit(
     name="efficiency",
     title="Sample efficiency",
-    about="Success [%] on unseen starts against the number of demonstrations.",
+    about="Success [%] on test starts by number of demonstrations.",
     table=table,
     part="data and time",
     figure=figure,

@@ -1,36 +1,37 @@
-"""Audit: each method as described, as published, and in other readings of the paper."""
+"""Audit of the methods: as described, as published, and in other variants."""
 
 import pandas as pd
 
 from bench.controller_kinds import UNCLIPPED
-from reports.exhibit import Exhibit, beside, in_order, panels, success_table
-from reports.paper import published
+from reports.charts import panels
+from reports.exhibit import Exhibit
+from reports.exhibits.table_11 import SETS
+from reports.pairing import without_expert
+from reports.paper import published, with_numbers
 from reports.results import Results
 from reports.style import METHODS, ordered
-from reports.table_11 import SETS
+from reports.tables import in_order, success_table, table_of
 
 COMPARED = ("described", "published")
-"""The variants that the paper's numbers stand beside."""
+"""The variants beside which the paper's numbers are shown."""
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and variant, and a column for each task."""
-    frame = results.frame
-    variants = [v for v in frame.variant.unique() if v == "described" or v not in SETS]
+    variants = [v for v in results.frame.variant.unique() if v == "described" or v not in SETS]
     unclipped = results.main(controller=UNCLIPPED, split="test")
     parts = [results.main(variant=v, split="test") for v in variants]
-    found = pd.concat([*parts, unclipped.assign(variant=UNCLIPPED)])
-    found = found[found.method != "expert"]
+    found = without_expert(pd.concat([*parts, unclipped.assign(variant=UNCLIPPED)]))
     if found.variant.nunique() < 2:
-        return pd.DataFrame(columns=["row", "column", "value"])
+        return table_of()
     label = found.method + " " + found.variant
     rows = [f"{m} {v}" for v in ordered(found.variant, COMPARED) for m in METHODS[1:]]
     success = in_order(success_table(results, found.assign(label=label), "label", "task"), rows)
-    return beside(success, _best_published())
+    return with_numbers(success, _best_published())
 
 
 def _best_published() -> pd.DataFrame:
-    """The paper's success of each method at its best size, for each variant it stands beside."""
+    """Returns the paper's success of each method at its best size, for each compared variant."""
     parts = []
     for number, method in enumerate(METHODS[1:], 1):
         numbers = published(f"table_{number}")
@@ -40,12 +41,13 @@ def _best_published() -> pd.DataFrame:
 
 
 EXHIBIT = Exhibit(
-    name="audit",
+    name="audit_variant",
     title="Audit: as described and as published",
     about=(
-        "Success [%] on unseen starts of each variant. As published means: trained as the"
-        " authors' code does; unclipped: with a controller of the expert's actions as given. The"
-        " paper's: its best size, from the starts of its validation demonstrations."
+        "Success [%] on test starts of each variant. Published: trained as the authors' code does."
+        " Unclipped: with a controller that learnt from the expert's actions before clipping. The"
+        " paper's numbers: each method's best size, from the starts of its validation"
+        " demonstrations."
     ),
     table=table,
     part="audit",

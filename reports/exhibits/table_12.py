@@ -3,12 +3,15 @@
 import numpy as np
 import pandas as pd
 
-from reports.exhibit import Exhibit, dots, with_published
+from reports.charts import dots
+from reports.exhibit import Exhibit
+from reports.paper import with_published
 from reports.results import Results
+from reports.tables import table_of
 
 
 def magnitudes(results: Results) -> dict[str, np.ndarray]:
-    """Returns by task the magnitudes of the eigenvalues of K (p,), of KODex as described."""
+    """Returns the eigenvalue magnitudes of K (p,) by task, for KODex as described."""
     found = results.main(method="kodex").drop_duplicates("task")
     return {row.task: np.hypot(*results.eigenvalues(row.folder).T) for row in found.itertuples()}
 
@@ -19,7 +22,7 @@ def table(results: Results) -> pd.DataFrame:
         {"row": "kodex", "column": task, "value": float(values.max())}
         for task, values in magnitudes(results).items()
     ]
-    return with_published(pd.DataFrame(rows, columns=["row", "column", "value"]), "table_12")
+    return with_published(table_of(rows), "table_12")
 
 
 EXHIBIT = Exhibit(

@@ -1,16 +1,16 @@
-"""What is laid beside each other has the same starts and seeds."""
+"""Compared methods have common starts and seeds."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from reports.alike import on_common_ground
 from reports.compare import compare
+from reports.pairing import keep_common
 from reports.results import Results
 
 
 class Stored(Results):
-    """Evaluations on test starts: method n succeeds from its first n starts of ten."""
+    """Evaluations on test starts, in which method mN succeeds from the first N of every ten."""
 
     frame = pd.DataFrame()
 
@@ -28,13 +28,13 @@ class Stored(Results):
 
 @pytest.fixture
 def stored():
-    """Door has more starts of a than of b, and Tool other seeds of b; c has no seeds."""
+    """Methods with unequal starts on Door and unequal seeds on Tool. Method m5 has no seeds."""
     rows = [("door", "m4", seed, 1000) for seed in (1, 2, 3)]
     rows += [("door", "m3", seed, 100) for seed in (2, 3, 4)] + [("door", "m5", 0, 500)]
     return Stored([*rows, ("tool", "m4", 1, 50), ("tool", "m3", 2, 60)])
 
 
-def test_rows_of_a_table_are_on_the_same_starts_and_seeds(stored):
+def test_rates_use_common_starts_and_seeds(stored):
     table = stored.rates(stored.frame, ["method", "task"]).set_index(["task", "method"])
     assert table.n.to_dict() == {
         ("door", "m4"): 100,
@@ -47,7 +47,7 @@ def test_rows_of_a_table_are_on_the_same_starts_and_seeds(stored):
     assert dict(table.loc["door"].seeds) == {"m4": 2, "m3": 2, "m5": 1}
 
 
-def test_methods_are_compared_on_the_same_starts_and_seeds(stored):
+def test_compare_uses_common_starts_and_seeds(stored):
     pairs = compare(stored, ["m4", "m3", "m5"]).set_index(["task", "left", "right"])
     assert pairs.n.to_dict() == {
         ("door", "m4", "m3"): 100,
@@ -58,6 +58,6 @@ def test_methods_are_compared_on_the_same_starts_and_seeds(stored):
     assert pairs.difference["door", "m4", "m3"] == pytest.approx(10)
 
 
-def test_seeds_are_left_as_they_are_where_one_or_none_is_shared(stored):
+def test_keep_common_keeps_all_seeds_if_fewer_than_two_are_common(stored):
     tool = stored.frame[stored.frame.task == "tool"]
-    assert set(on_common_ground(tool).seed) == {1, 2}
+    assert set(keep_common(tool).seed) == {1, 2}

@@ -1,14 +1,14 @@
-"""Figure 5: success from starts out of distribution."""
+"""Figure 5: success out of distribution."""
 
 import pandas as pd
 
 from reports.exhibit import Exhibit
+from reports.exhibits.success import success_by_method
 from reports.results import Results
-from reports.unseen import success_by_method
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each method, the expert too, and a column for each task."""
+    """Returns a row for each method and the expert, and a column for each task."""
     return success_by_method(results, "ood")
 
 

@@ -2,21 +2,25 @@
 
 import pandas as pd
 
-from reports.exhibit import Exhibit, with_published
+from reports.exhibit import Exhibit
+from reports.paper import with_published
 from reports.results import Results
+from reports.tables import table_of
 
 SETS = {"set_1": "set 1", "set_2": "set 2", "described": "set 3", "set_4": "set 4"}
+"""Names of the sets of observables, by variant of KODex."""
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each set and a column for each task."""
     rows = []
     for variant, name in SETS.items():
-        found = results.main(method="kodex", variant=variant)
-        for task, part in found.groupby("task", sort=False):
-            values = results.eigenvalues(part.folder.iloc[0])
-            rows.append({"row": name, "column": task, "value": float(len(values))})
-    table = pd.DataFrame(rows, columns=["row", "column", "value"])
+        for one in (
+            results.main(method="kodex", variant=variant).drop_duplicates("task").itertuples()
+        ):
+            count = float(len(results.eigenvalues(one.folder)))
+            rows.append({"row": name, "column": one.task, "value": count})
+    table = table_of(rows)
     return with_published(table, "table_11")
 
 
@@ -29,5 +33,5 @@ EXHIBIT = Exhibit(
     unit="",
     digits=0,
     axis="observables",
-    of=("kodex",),
+    subjects=("kodex",),
 )

@@ -1,0 +1,53 @@
+"""Every table and figure of the report, found by its name.
+
+An exhibit of the paper has the paper's number; one of this suite is named after what it shows.
+Tables 1 to 5 are listed in `sizes`, Tables 7 to 10 in `robustness`; any other has its own file.
+"""
+
+from reports.exhibit import Exhibit
+from reports.exhibits import (
+    all_tasks,
+    audit_controller,
+    audit_physics,
+    audit_rule,
+    audit_variant,
+    efficiency,
+    efficiency_time,
+    figure_5,
+    figure_6,
+    figure_6_time,
+    figure_7,
+    motions,
+    robustness,
+    sizes,
+    starts,
+    success,
+    success_over_time,
+    table_6,
+    table_11,
+    table_12,
+)
+
+EXHIBITS: tuple[Exhibit, ...] = (
+    success.EXHIBIT,
+    all_tasks.EXHIBIT,
+    *sizes.EXHIBITS,
+    table_6.EXHIBIT,
+    figure_5.EXHIBIT,
+    starts.EXHIBIT,
+    success_over_time.EXHIBIT,
+    motions.EXHIBIT,
+    *robustness.EXHIBITS,
+    table_11.EXHIBIT,
+    figure_6.EXHIBIT,
+    figure_6_time.EXHIBIT,
+    figure_7.EXHIBIT,
+    table_12.EXHIBIT,
+    efficiency.EXHIBIT,
+    efficiency_time.EXHIBIT,
+    audit_variant.EXHIBIT,
+    audit_controller.EXHIBIT,
+    audit_rule.EXHIBIT,
+    audit_physics.EXHIBIT,
+)
+"""All exhibits, in the order of the page."""

@@ -1,0 +1,62 @@
+"""Audit of appendix I: success in changed physics, under other readings of the text."""
+
+import pandas as pd
+
+from bench.controller_kinds import ON_SUCCESSES, TUNED
+from reports.exhibit import Exhibit
+from reports.results import Results
+from reports.style import METHODS, TASKS
+from reports.tables import in_order, success_table, table_of
+from tasks.masses import CHANGES, READINGS
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each task and reading of a variation, and a column for each method."""
+    parts = [
+        results.main(task=task, split="test", physics=physics)
+        for task in TASKS
+        for physics in (*CHANGES[task], *READINGS[task])
+    ]
+    parts += [
+        results.main(task=task, split="test", physics=physics, controller=ON_SUCCESSES)
+        for task in TASKS
+        for physics in CHANGES[task]
+    ]
+    found = pd.concat(parts)
+    if not any(found.physics.isin(READINGS[task]).any() for task in TASKS):
+        return table_of()
+    label = found.task + " " + found.physics
+    tuned = found.controller.isin([TUNED, ON_SUCCESSES])
+    found = found.assign(label=label.where(~tuned, label + " " + found.controller))
+    return in_order(success_table(results, found, "label", "method"), _rows(), METHODS)
+
+
+def _rows() -> list[str]:
+    """Returns all rows, by task, with each variation followed by its other readings."""
+    return [
+        f"{task} {reading}"
+        for task in TASKS
+        for change in CHANGES[task]
+        for reading in (
+            change,
+            change.replace("hand", "palm"),
+            f"{change}_inertia",
+            f"{change} {TUNED}",
+            f"{change} {ON_SUCCESSES}",
+        )
+    ]
+
+
+EXHIBIT = Exhibit(
+    name="audit_physics",
+    title="Audit of appendix I: other readings of it",
+    about=(
+        "Success [%] on test starts in changed physics as this suite reads appendix I, with the"
+        " body named palm in place of the forearm (palm), and with inertia that grows with the"
+        " mass (inertia); with the original controller, the tuned one, and one tuned on the"
+        " expert's successes alone."
+    ),
+    table=table,
+    part="audit",
+    axis="",
+)

@@ -1,0 +1,34 @@
+"""Tables of exhibits: one line for each value, in columns row, column, value and more."""
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from reports.results import Results
+from reports.style import TASKS, ordered
+
+
+def table_of(rows: Sequence[Mapping[str, object]] = ()) -> pd.DataFrame:
+    """Returns a table of values, each with its row and column. By default the table is empty."""
+    return pd.DataFrame(rows, columns=["row", "column", "value"])
+
+
+def success_table(
+    results: Results, evaluations: pd.DataFrame, row: str, column: str
+) -> pd.DataFrame:
+    """Returns success [%], grouped by two columns of the evaluations, see `Results.rates`."""
+    found = results.rates(evaluations, [row, column])
+    return found.rename(columns={row: "row", column: "column"})
+
+
+def in_order(
+    table: pd.DataFrame, rows: Sequence[str], columns: Sequence[str] = TASKS
+) -> pd.DataFrame:
+    """Returns a table with its rows and columns in the given order; other names come last."""
+    places = {
+        "row": {name: place for place, name in enumerate(ordered(table.row, rows))},
+        "column": {name: place for place, name in enumerate(ordered(table.column, columns))},
+    }
+    return table.sort_values(
+        ["row", "column"], key=lambda names: names.map(places[str(names.name)])
+    )
