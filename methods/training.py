@@ -87,7 +87,6 @@ def minimise(
     seeds: Sequence[int],
     validate: Callable[[Weights], Tensor] | None = None,
     at_once: int | None = None,
-    fill: bool = True,
 ) -> list[Trained]:
     """Trains one network for each seed.
 
@@ -102,7 +101,6 @@ def minimise(
             kept. Default: those of the last epoch.
         at_once: number of samples that pass through a network at a time; the gradients of larger
             mini-batches are summed piece by piece. Default: whole mini-batches.
-        fill: whether the result of a seed must not depend on the other seeds, see `_leaves`.
 
     Raises:
         TrainingError: there are no samples, or some seed's loss was never finite.
@@ -110,7 +108,7 @@ def minimise(
     if not len(data[0]):
         raise TrainingError(f"{name} has no samples to learn from")
     drawn = [draw(generator("weights", name, seed)) for seed in seeds]
-    numbers, weights, gradients = _leaves(drawn, VECTOR if fill else 1)
+    numbers, weights, gradients = _leaves(drawn)
     leaves = list(weights.values())
     samples = [tensor(array) for array in data]
     orders = [generator("order", name, seed) for seed in seeds]
@@ -146,9 +144,7 @@ def minimise(
     return best.chosen(seeds)
 
 
-def _leaves(
-    drawn: Sequence[dict[str, FloatArray]], vector: int
-) -> tuple[Tensor, Weights, list[Tensor]]:
+def _leaves(drawn: Sequence[dict[str, FloatArray]]) -> tuple[Tensor, Weights, list[Tensor]]:
     """Returns all numbers in one tensor for Adam, the weights (S, ...) and their gradients.
 
     Weights and gradients are views of that tensor and of its gradient: a step of Adam on one tensor
@@ -157,7 +153,7 @@ def _leaves(
     """
     arrays = {key: np.stack([one[key] for one in drawn]) for key in drawn[0]}
     rows = [array.reshape(len(drawn), -1) for array in arrays.values()]
-    filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % vector))) for part in rows]
+    filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % VECTOR))) for part in rows]
     numbers = tensor(np.concatenate([part.ravel() for part in filled]))
     numbers.grad = torch.zeros_like(numbers)
 
