@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from methods.base import Parameters
 from tasks.data import Demos, FloatArray
 
-VERSION = 2
+VERSION = 1
 """Raise it when actions change."""
 FIRST_SEED = 1
 

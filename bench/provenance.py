@@ -3,7 +3,6 @@
 import platform
 import time
 from collections.abc import Mapping
-from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -24,7 +23,6 @@ def provenance(seconds: float) -> dict[str, Any]:
     }
 
 
-@cache
 def software() -> dict[str, Any]:
     """Returns what decides about bits besides a key: ``pins``, ``c_library`` and ``versions``."""
     return {
