@@ -1,4 +1,4 @@
-"""The protocol: what is fitted, how it is evaluated, and where results are kept."""
+"""The benchmark: fits methods, evaluates them, and stores and opens results."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def run(
     """Computes and stores the missing results of a study. Repeat the call to resume.
 
     Args:
-        study: name of a preset, or a study of one's own, as ``replace(get_preset("quick"), ...)``.
-        folder: the results folder, made if need be.
-        jobs: processes at a time; -1 for one on each core. Default: BENCH_JOBS, else -1.
-        backend: loky, dask, or the name under which another is registered with joblib.
+        study: name of a preset, or your own study, such as ``replace(get_preset("quick"), ...)``.
+        folder: results folder, created if needed.
+        jobs: parallel processes; -1 for one per core. Default: BENCH_JOBS, else -1.
+        backend: loky, dask, or the name of another backend that is registered with joblib.
         scheduler: address of a dask scheduler.
-        options: what differs from the preset, under the names of the options of `bench run`:
+        options: changes to the preset, named like the options of `bench run`:
             ``experiments``, ``tasks``, ``methods``, ``sizes``, ``variants``, ``seeds``,
             ``episodes``, ``demos`` and ``settings`` (``--set``), see `bench.studies.Options`.
 
@@ -60,13 +60,13 @@ def run(
 
 
 def open(folder: str | Path | None = None) -> Opened:
-    """Opens results to read: tables, fitted methods, single episodes.
+    """Opens results for reading: tables, fitted methods, single episodes.
 
     Args:
-        folder: of `bench run` or `bench pack`. Default: the shipped results.
+        folder: results folder of `bench run` or `bench pack`. Default: the shipped results.
 
     Raises:
-        InputError: the folder holds no results, or is no path.
+        InputError: the folder holds no results, or is not a path.
     """
     from bench.opened import Opened
 
@@ -74,13 +74,13 @@ def open(folder: str | Path | None = None) -> Opened:
 
 
 def load(folder: str | Path | None = None) -> pd.DataFrame:
-    """Returns every stored episode of a results folder in one long table.
+    """Returns all stored episodes of a results folder in one table, one row each.
 
     Columns: ``task``, ``method``, ``variant``, ``size``, ``demos``, ``seed``, ``split``,
     ``physics``, ``controller``, ``rule``, ``start``, ``success``, ``diverged`` and ``steps``.
 
     Args:
-        folder: of `bench run` or `bench pack`. Default: the shipped results.
+        folder: results folder of `bench run` or `bench pack`. Default: the shipped results.
 
     Raises:
         InputError: the folder holds no results.
@@ -89,15 +89,15 @@ def load(folder: str | Path | None = None) -> pd.DataFrame:
 
 
 def demos(task: str, file: str | Path | None = None) -> tuple[Demos, Demos]:
-    """Returns demonstrations of a task, those to train on and those for validation.
+    """Returns the training demonstrations of a task and its validation demonstrations.
 
     Args:
         task: name of a task.
-        file: of demonstrations, as `bench demos record` writes it. Default: the expert's, which
-            are made on the first call, within minutes.
+        file: file of demonstrations, written by `bench demos record`. Default: the expert's
+            demonstrations, which the first call records within minutes.
 
     Raises:
-        InputError: there is no such task, or the file holds no demonstrations of it.
+        InputError: the task does not exist, or the file holds no demonstrations of it.
     """
     from tasks.demos import load_demos, read_demos, split
     from tasks.files import path_of
@@ -111,20 +111,20 @@ def demos(task: str, file: str | Path | None = None) -> tuple[Demos, Demos]:
 def demos_from_arrays(
     task: str, *, actions: ArrayLike, starts: ArrayLike, states: ArrayLike | None = None
 ) -> Replayed:
-    """Returns demonstrations made of recorded actions, which are replayed from their starts.
+    """Replays recorded actions from their starts and returns the resulting demonstrations.
 
-    ``demos_from_arrays(...).save("mine.safetensors")`` writes those that succeed to a file for
+    ``demos_from_arrays(...).save("mine.safetensors")`` writes the successful ones to a file for
     ``run(..., demos="mine.safetensors")``.
 
     Args:
         task: name of a task.
         actions: (N, T-1, A) normalised servo set-points, clipped to [-1, 1].
-        starts: (N, P) what varies from one episode to the next, see `bench describe TASK`.
-        states: (N, T, D), only to be compared with those of the replay, see `Replayed.drift`.
+        starts: (N, P) what varies between episodes, see `bench describe TASK`.
+        states: (N, T, D), used only for comparison with the replay, see `Replayed.drift`.
 
     Raises:
-        InputError: an array is not real and finite or has another shape, or a start is out of the
-            range of demonstrations.
+        InputError: an array is not real and finite or has another shape, or a start is outside
+            the range of demonstrations.
     """
     from tasks.arrays import replay_arrays
     from tasks.registry import get_task
@@ -133,12 +133,12 @@ def demos_from_arrays(
 
 
 def _in_the_way() -> str:
-    """What other module goes by the name of a package of ours, and what to do; else nothing."""
+    """A message if another module has the name of a package of ours, else an empty text."""
     root = os.path.dirname(os.path.dirname(__file__))
     for name in ("methods", "tasks", "reports"):
         try:
             spec = find_spec(name)
-        except ValueError:  # it was imported, and says nothing of where it is from
+        except ValueError:  # it is imported already, without a spec
             spec = None
         found = (spec and spec.origin) or ""
         if found and not _same(os.path.dirname(os.path.dirname(found)), root):
@@ -154,7 +154,7 @@ def _same(one: str, other: str) -> bool:
 
 
 class _Refusing(MetaPathFinder):
-    """Refuses every module of this package, since none could import what it needs."""
+    """Refuses to import any module of this package, since none could import what it needs."""
 
     def find_spec(self, name: str, *where: Any) -> None:
         if name == "bench.cli":

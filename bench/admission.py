@@ -1,7 +1,7 @@
-"""Which methods of a study can be used, found out before anything is fitted.
+"""Finds out, before anything is fitted, which methods of packages a study can use.
 
-A method of a package is imported, described and built in a process of its own first: what goes
-wrong there is a failure of this method, and the others go on.
+Each is first imported, described and built in its own process. If that fails, the method counts as
+failed and the others run.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,12 +16,12 @@ from methods.registry import SUITE, get_method
 
 
 def guests(methods: Iterable[str]) -> list[str]:
-    """Returns the methods that packages bring."""
+    """Returns those of the methods that come from packages, not from this suite."""
     return [name for name in methods if name not in SUITE]
 
 
 def admissions(study: Study, methods: Sequence[str]) -> list[Callable[[], Call]]:
-    """Returns for each method a call that describes it, or raises why a study cannot have it."""
+    """Returns for each method a call that describes it and builds every fit of it in a study."""
     return [partial(_call, replace(study, methods=(name,), settings={})) for name in methods]
 
 
@@ -47,5 +47,5 @@ def _admit(study: Study) -> Description:
 
 
 def describe_guest(name: str) -> Description:
-    """Returns the description of a method; imports it, and so is for processes of their own."""
+    """Returns the description of a method. Imports it, so call it in a separate process."""
     return describe_method(get_method(name))

@@ -1,4 +1,4 @@
-"""Which cells a study has, as far as they are known: some wait until a size has been chosen.
+"""Lists the cells of a study. Some depend on model sizes that a run has yet to choose.
 
 The experiment `sizes` compares the sizes of each method on each task; the best one is used in all
 other experiments. Until its evaluations exist, the default size stands for it in estimates.
@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import pandas as pd
 
 from bench.costs import Cost
+from bench.doing import say
 from bench.experiments import cells_of, first_wave
 from bench.missing import find_missing
 from bench.presets import Study
@@ -26,9 +27,9 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Choice:
-    """The size of a method on a task that is still to be chosen.
+    """A size of a method on a task that is still to be chosen.
 
-    It has a place among the jobs of a run, which makes the choice itself, between two jobs.
+    It waits in the queue among the jobs of a run. The process of the run makes the choice.
     """
 
     pair: Pair
@@ -47,7 +48,7 @@ class Choice:
 
     @property
     def makes(self) -> tuple[str, ...]:
-        """What the jobs wait for that depend on the choice."""
+        """The key for which the jobs wait that depend on the choice."""
         return (self.label,)
 
     @cached_property
@@ -69,16 +70,18 @@ class Agenda:
 
     @property
     def cells(self) -> list[Cell]:
-        """All of them, with the default size where it is still to be chosen."""
+        """All cells; with the default size where the size is still to be chosen."""
         return [*self.known, *(cell for choice in self.choices for cell in choice.expected)]
 
 
 def make_agenda(study: Study, demos_keys: Mapping[str, str], results: Results) -> Agenda:
-    """Returns the cells of a study, given what is stored.
+    """Returns the cells of a study, given the stored results.
 
     Raises:
         InputError: see `bench.experiments.cells_of`.
     """
+    cells_of(study, demos_keys)  # bad options are refused before results are read
+    say("looking for missing results")
     first = _possible(first_wave(study, demos_keys))
     missing = find_missing(results, [cell.wanted for cell in first])
     open_pairs = {

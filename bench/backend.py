@@ -1,4 +1,4 @@
-"""Where jobs run: joblib's backends, and what happens to a job whose worker dies.
+"""Runs jobs on joblib's backends, and retries a job whose worker dies.
 
 A worker does not compute. It starts a process for each job and waits for it, see `bench.isolation`.
 """
@@ -28,7 +28,7 @@ from tasks.words import count_of
 TRIES = 3
 """Attempts, each alone, for a job whose process died: memory may have run out."""
 IDLE = 0.1
-"""Seconds after which a worker without a job asks again for one."""
+"""Seconds after which a worker without a job asks again."""
 SHARED_MEMORY = ("multiprocessing", "threading")
 """Refused: simulations hang in forked processes, and threads share the random state of torch."""
 
@@ -53,23 +53,23 @@ class Answer:
 
 @dataclass(frozen=True)
 class Workers:
-    """Where jobs run, and how many at a time."""
+    """Where jobs run, and how many in parallel."""
 
     jobs: int
-    """Jobs at a time."""
+    """Number of parallel jobs."""
     backend: str = "loky"
     """loky, dask, or the name of another backend that is registered with joblib."""
     scheduler: str | None = None
     """Address of a dask scheduler. Default: a cluster on this machine."""
     limit: float = 12 * 3600.0
-    """Seconds after which a job is ended and fails. Not enforced in this process."""
+    """Seconds after which a job is killed and fails. Not enforced in this process."""
 
     def check(self) -> None:
         """Raises InputError if the backend does not exist or cannot be used."""
         known = [name for name in {**BACKENDS, **EXTERNAL_BACKENDS} if name not in SHARED_MEMORY]
         if self.backend in SHARED_MEMORY:
             raise InputError(
-                f"backend {self.backend!r} runs jobs in one memory, where they would disturb each"
+                f"backend {self.backend!r} runs jobs in shared memory, where they would affect each"
                 f" other: choose from {', '.join(known)}"
             )
         if self.backend not in known:
@@ -80,7 +80,7 @@ class Workers:
 
 @contextmanager
 def workers(where: Workers) -> Iterator[int]:
-    """Chooses the backend that `answers` sends jobs to; gives the number of its workers.
+    """Chooses the backend that `answers` sends jobs to; yields the number of its workers.
 
     Raises:
         InputError: the backend does not exist or cannot be used.
@@ -97,7 +97,7 @@ def workers(where: Workers) -> Iterator[int]:
             parallel_config("loky", inner_max_num_threads=1, initializer=_prepare_worker),
             warnings.catch_warnings(),
         ):
-            # Where warnings are errors, this one would end the thread that collects loky's answers.
+            # If warnings are errors, this one would end the thread that collects loky's answers.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs")
             yield where.jobs
     else:
@@ -176,7 +176,7 @@ def answers(supply: Supply, where: Workers, interrupts: Interrupts) -> Iterator[
 
 @dataclass
 class _Sending:
-    """What a pool of workers sends."""
+    """The jobs that a pool of workers gets."""
 
     supply: Supply
     where: Workers
@@ -184,7 +184,7 @@ class _Sending:
     pending: dict[str, None] = field(default_factory=dict)
     """Names of the jobs that were sent and have not been answered."""
     error: Exception | None = None
-    """What the supply has raised."""
+    """The error that the supply raised."""
 
     def tasks(self) -> Iterator[Any]:
         """Yields what joblib sends, one whenever a worker is free."""
@@ -225,7 +225,7 @@ def _pooled(sending: _Sending) -> Iterator[tuple[str, Answer]]:
 
 
 def _idle() -> tuple[str, None]:
-    """What a worker does while all jobs that are left wait for others."""
+    """Keeps a worker busy while all remaining jobs wait for the results of others."""
     sleep(IDLE)
     return "", None
 

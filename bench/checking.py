@@ -1,4 +1,4 @@
-"""Checks a method as a run uses it: in its own processes, and stored between two of them."""
+"""Checks a method as a run uses it: in separate processes, with its parameters stored between."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,13 +20,13 @@ from tasks.errors import InputError
 ANOTHER_PROCESS = "survives_another_process"
 ASKS = "Parameters that are stored and loaded in another process give the same answers."
 PRINTED = 3
-"""Number of lines kept of what a method prints."""
+"""Number of lines of a method's output that are kept."""
 
 
 def known(name: str) -> type[Method]:
-    """Returns the class of a method; for one of a package, a stand-in that describes it.
+    """Returns the class of a method. A method of a package is represented by a stand-in.
 
-    The package is imported in a process of its own, since that may end the process.
+    The package is imported in a separate process, since the import may end the process.
 
     Raises:
         InputError: there is no such method, or it cannot be used.
@@ -56,11 +56,11 @@ class Checked:
 
 
 Stored = Mapping[str, tuple[bytes, FloatArray]]
-"""By variant, the parameters of a fit, and its answer once they are loaded."""
+"""By variant, the parameters of a fit and the answer of the method that loads them."""
 
 
 def check_apart(name: str) -> Checked:
-    """Returns the results of every rule on every variant of a method, and what it printed.
+    """Checks every rule on every variant of a method; also returns the start of its output.
 
     See `methods.checks`.
 
@@ -80,7 +80,7 @@ def check_apart(name: str) -> Checked:
 def _elsewhere(
     name: str, variant: str | None, results: Sequence[RuleResult], stored: Stored
 ) -> RuleResult:
-    """Whether a variant gives the same answer in another process."""
+    """The result of the rule that a variant gives the same answer in another process."""
     result = RuleResult(ANOTHER_PROCESS, variant, False, "", 0.0)
     if variant is None or variant not in stored:
         reason = _reason([one for one in results if one.variant in (variant, None)])
@@ -96,7 +96,7 @@ def _elsewhere(
 
 
 def _reason(results: Sequence[RuleResult]) -> str:
-    """Names the rule that must hold before a variant is loaded elsewhere, and does not."""
+    """Names the broken rule that must hold before a variant is loaded elsewhere."""
     broken = {result.rule: result for result in results if not result.passed}
     needed = [broken[rule] for rule in REPEATS if rule in broken]
     root = next(result for result in (*needed, *broken.values()) if result.tried)
@@ -104,7 +104,7 @@ def _reason(results: Sequence[RuleResult]) -> str:
 
 
 def _tried(name: str) -> tuple[Checked, Stored]:
-    """Checks a method in this process; also returns a stored fit of each sound variant."""
+    """Checks a method in this process; also returns a stored fit of each variant that passes."""
     method = get_method(name)
     results = tuple(check(method))
     broken = {(result.variant, result.rule) for result in results if not result.passed}

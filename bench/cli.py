@@ -67,7 +67,7 @@ EXTRAS = {
 def main() -> None:
     """Runs the command line. Bad input and a missing extra end with exit code 2."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may not know every letter
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack some characters
             stream.reconfigure(errors="backslashreplace")
     try:
         _check_folder()
@@ -85,7 +85,7 @@ def main() -> None:
 
 
 def _check_arguments(given: Sequence[str]) -> None:
-    """Raises InputError if a text is empty, which as a path would mean the current folder."""
+    """Raises InputError if an argument is empty: as a path it would mean the current folder."""
     for before, text in zip(["bench", *given], given, strict=False):
         option, equals, value = text.partition("=")
         long = equals and option.startswith("--")

@@ -1,4 +1,4 @@
-"""`bench demos`: the demonstrations that methods learn from."""
+"""`bench demos`: make, record, import and export demonstrations."""
 
 import sys
 from pathlib import Path
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Make demonstrations, take them from a policy or data of your own, and exchange them as"
-    " Minari data sets.",
+    help="Make the expert's demonstrations, record your own policy or import your own data, and"
+    " exchange Minari data sets.",
 )
 
 Folder = Annotated[
@@ -49,8 +49,11 @@ def make(
 
 
 @app.command("export")
-def export_set(task: TaskName, folder: Folder) -> None:
-    """Write the expert's demonstrations of a task as a Minari data set, into a new folder."""
+def export_set(
+    task: TaskName,
+    folder: Annotated[Path, typer.Argument(help="New folder to write the data set to.")],
+) -> None:
+    """Write the expert's demonstrations of a task to a new folder, as a Minari data set."""
     from tasks.demos import load_demos
     from tasks.minari import export_demos
 
@@ -70,16 +73,16 @@ def record(
         str,
         typer.Option(
             help="FILE.py:NAME, such as my_policy.py:act, or MODULE:NAME. A function act(state, t)"
-            " from states (B, D) to actions (B, A), or an object or class with act, and reset"
-            " if need be."
+            " from states (B, D) to actions (B, A), or a class or object with act and,"
+            " optionally, reset."
         ),
     ],
     out: NewFile,
     count: Annotated[
-        int, number(1, "Demonstrations to keep, four in five to train on. Default: 250.")
+        int, number(1, "Demonstrations to keep; four in five are for training.")
     ] = 250,
 ) -> None:
-    """Run a policy of your own from new starts, and keep the episodes that succeed."""
+    """Run your own policy from new starts, and keep the episodes that succeed."""
     from bench.recording import record_policy
     from tasks.demos_files import save_demos
 
@@ -99,8 +102,8 @@ def from_arrays(
     file: Annotated[
         Path,
         typer.Argument(
-            help=".npz file of arrays: actions (N, T-1, A), starts (N, P), and perhaps states"
-            " (N, T, D), which are compared with those of the replay."
+            help=".npz file of arrays: actions (N, T-1, A), starts (N, P), and optionally states"
+            " (N, T, D), compared with the replay."
         ),
     ],
     out: NewFile,
@@ -115,7 +118,7 @@ def from_arrays(
 
 @app.command("import")
 def import_set(task: TaskName, folder: Folder, out: NewFile) -> None:
-    """Replay a Minari data set of an Adroit environment and keep the episodes that succeed."""
+    """Replay a Minari data set of an Adroit environment, and keep the episodes that succeed."""
     from tasks.minari import import_demos
 
     chosen = get_task(task)
@@ -145,9 +148,9 @@ def _print_replay(task: str, success: "BoolArray") -> None:
 
 
 def _keep(task: str, replayed: "Replayed", out: Path) -> None:
-    """Prints what came of a replay, and writes what succeeded."""
+    """Prints the outcome of a replay, and writes the episodes that succeeded."""
     _print_replay(task, replayed.success)
     if replayed.drift is not None:
-        print(f"given states differ from those of the replay by at most {replayed.drift:.2g}")
+        print(f"the given states differ from the replay by at most {replayed.drift:.2g}")
     replayed.save(out)
     print(f"wrote {count_of(len(replayed.demos), 'demonstration')} to {out}")

@@ -1,4 +1,4 @@
-"""`bench list` and `describe`: what can be run."""
+"""`bench list` and `describe`: tasks, methods, experiments and presets."""
 
 import json
 from typing import Annotated, Any
@@ -59,7 +59,7 @@ def describe(
 
 def _print_task(facts: dict[str, Any]) -> None:
     print(f"{facts['name']}: {facts['summary']}")
-    print(f"T = {facts['horizon']} states, a control step of 10 ms between two of them")
+    print(f"T = {facts['horizon']} states, 10 ms (one control step) apart")
     print("H = {robot_dim} joints, O = {object_dim}, A = {action_dim} actuators".format(**facts))
     print(f"success: {facts['success']}")
     print(f"model: {facts['model_file']}, SHA-256 {facts['model_hash']}\n")
@@ -72,7 +72,7 @@ def _print_task(facts: dict[str, Any]) -> None:
 
 def _print_method(facts: dict[str, Any]) -> None:
     print("{name}: {summary}, version {version}".format(**facts))
-    seed = "" if facts["seeds"] else "; the seed changes nothing"
+    seed = "" if facts["seeds"] else "; it does not depend on the seed"
     print(f"predicts {facts['predicts']}{seed}")
     sizes = facts["sizes"]
     fields = list(next(iter(sizes.values())))
@@ -81,7 +81,9 @@ def _print_method(facts: dict[str, Any]) -> None:
     ]
     _print_table("configs by size", rows)
     counts = facts["parameters"].items()
-    _print_table("numbers stored of a fit", [{"size": size, **by_task} for size, by_task in counts])
+    _print_table(
+        "numbers that a fit stores", [{"size": size, **by_task} for size, by_task in counts]
+    )
     chosen = [{"task": task, "size": size} for task, size in facts["default_size"].items()]
     _print_table("default sizes", chosen)
     changes = facts["variants"].items()

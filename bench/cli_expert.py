@@ -67,7 +67,7 @@ def evaluate(
     ] = "nominal",
     as_json: AsJson = False,
 ) -> None:
-    """Measure how often a shipped expert succeeds, acting without noise."""
+    """Measure how often a shipped expert succeeds, without action noise."""
     from bench.intervals import wilson
     from tasks.experts import evaluate as evaluate_expert
     from tasks.experts import load_expert
@@ -110,7 +110,7 @@ def probe(
         int, number(1, "Episodes of KODex, from the first starts of the split probe.")
     ] = 1000,
 ) -> None:
-    """Measure whether an expert's demonstrations can be imitated. Prints a JSON object."""
+    """Measure how well an expert's demonstrations can be imitated. Prints a JSON object."""
     from bench.controller import ControllerConfig
     from bench.probe import probe as probe_expert
     from tasks.experts import Expert, load_expert
@@ -138,9 +138,9 @@ def track(
     ],
     episodes: Annotated[int, number(1, "Episodes, from the first starts of the split test.")] = 200,
 ) -> None:
-    """Measure how often each tracking controller succeeds if the imitation is perfect.
+    """Measure each tracking controller on the expert's own motions.
 
-    The motions are the expert's own. Prints a JSON list.
+    A perfect imitation would give these motions. Prints a JSON list.
     """
     from bench.controller import ControllerConfig
     from bench.tracking import track as track_expert

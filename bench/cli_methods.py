@@ -24,7 +24,7 @@ def check(
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Check every variant of a method against each rule. Exit code 3 if one is broken."""
+    """Check every variant of a method against every rule. Exit code 3 if a rule is broken."""
     from bench.checking import check_apart
 
     checked = check_apart(method)
@@ -37,7 +37,7 @@ def check(
 
 
 def _show(method: str, checked: "Checked", seconds: float) -> None:
-    """Prints how many rules hold, which are broken, and which could not be tried."""
+    """Prints the number of rules that hold, the broken rules, and the rules not tried."""
     import pandas as pd
 
     from bench.checking import ANOTHER_PROCESS, ASKS
@@ -60,16 +60,19 @@ def _show(method: str, checked: "Checked", seconds: float) -> None:
     if held.any():
         print(fill(f"ok     {', '.join(held.index[held])}", width=99, subsequent_indent=" " * 7))
     if checked.lines:
-        print(f"It printed {count_of(checked.lines, 'line')}, which begin:")
+        print(f"It printed {count_of(checked.lines, 'line')}; the first are:")
         for line in checked.printed:
             print(f"       | {line}")
 
 
 def new_method(
-    name: Annotated[str, typer.Argument(help="Name of the new method, of a-z, 0-9 and _.")],
-    folder: Annotated[
-        Path, typer.Option(help="Folder in which the package's folder NAME is made.")
-    ] = Path(),
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Name of the new method: letters a-z, digits and _, beginning with a letter."
+        ),
+    ],
+    folder: Annotated[Path, typer.Option(help="Parent folder of the new package.")] = Path(),
 ) -> None:
     """Write an installable package with a small working method and its tests."""
     from importlib.resources import files

@@ -28,7 +28,8 @@ def run(
     out: Annotated[Path, typer.Option(help="Results folder. Rerun the same command to resume.")],
     jobs: Jobs = None,
     backend: Annotated[
-        str, typer.Option(help="Where jobs run: loky (this machine), dask, or another of joblib's.")
+        str,
+        typer.Option(help="Where jobs run: loky (this machine), dask or another joblib backend."),
     ] = "loky",
     scheduler: Annotated[
         str | None,
@@ -38,10 +39,18 @@ def run(
         ),
     ] = None,
     limit: Annotated[
-        float, typer.Option(help="Minutes a job may take; a longer one is ended and fails.")
+        float,
+        typer.Option(
+            help="Time limit of a job in minutes; a job that exceeds it is killed and counts as"
+            " failed."
+        ),
     ] = 720,
 ) -> None:
-    """Run a study: fit methods and evaluate them. Only missing results are computed."""
+    """Run a study: fit methods and evaluate them. Only missing results are computed.
+
+    The output counts cells: a cell is one fit, evaluated in one set of
+    conditions.
+    """
     from bench.backend import Workers
     from bench.cores import count_jobs
 
@@ -58,7 +67,7 @@ def run(
 
 
 def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
-    """Runs a study, see `bench.driver.run`; prints what failed, and how to go on once stopped.
+    """Runs a study, see `bench.driver.run`. Prints failures, and how to resume a stopped run.
 
     Raises:
         typer.Exit: the results could not be written.
@@ -103,15 +112,19 @@ def time(
 def plan(
     study: "Study",
     out: Annotated[
-        Path, typer.Option(help="Results folder of the run; results in it are not counted again.")
+        Path,
+        typer.Option(
+            help="Results folder of the run. Results already stored there are left out of the"
+            " estimate."
+        ),
     ],
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
     """Estimate time, memory and disk of a study on this machine.
 
-    Takes the options of `bench run`. How fast the machine is, is measured once, in seconds; a
-    method of a package is tried each time.
+    Takes the options of `bench run`. The first call measures the machine's speed,
+    in seconds. Methods of packages are measured on each call.
     """
     from bench.cores import count_jobs
     from bench.doing import doing

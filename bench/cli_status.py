@@ -1,4 +1,4 @@
-"""`bench status` and `doctor`: the progress of a run, and the state of the machine."""
+"""`bench status` and `doctor`: progress of a run, and checks of this machine."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ def status(
     folder: Annotated[Path, typer.Argument(help="Results folder of `bench run`.")],
     as_json: AsJson = False,
 ) -> None:
-    """Show how much of a study is done, during a run or after it, and what failed."""
+    """Show the progress of a study and its failures, during a run or after it."""
     from bench.clock import KINDS, counted, headline, running
     from bench.remarks import remarks
     from bench.results import Results
@@ -47,10 +47,10 @@ def status(
 
 
 def progress(results: "Results") -> dict[str, int]:
-    """Returns how many results studies have asked for, how many are stored whole, what is missing.
+    """Returns how many results the studies of a folder request, and how many are stored.
 
-    ``controllers``, ``fits`` and ``evaluations``, of each those ``_done``, and
-    ``missing_episodes``.
+    The keys are ``controllers``, ``fits`` and ``evaluations``, each also with ``_done`` for the
+    complete ones, and ``missing_episodes``.
 
     Raises:
         InputError: the folder holds no results.
@@ -75,7 +75,7 @@ def progress(results: "Results") -> dict[str, int]:
 
 def doctor(
     folder: Annotated[
-        Path, typer.Argument(help="Folder to check for free disk space, where results would go.")
+        Path, typer.Argument(help="Planned results folder, which is checked for free disk space.")
     ] = Path(),
     as_json: AsJson = False,
 ) -> None:

@@ -1,7 +1,7 @@
-"""The clock of a run: what it has to do, how far it is, and how long it will still take.
+"""The clock of a run: its progress and the estimated time left.
 
-The costs of jobs are corrected by what jobs really took: by a factor that all share, and one for
-each kind of job, which counts for more the more jobs of the kind have ended.
+The durations of ended jobs correct the expected costs of the others. There is one common factor,
+and one factor for each kind of job, whose weight grows with the number of ended jobs of that kind.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ if TYPE_CHECKING:
 KINDS = ("controllers", "fits", "evaluations")
 """The kinds of results that a run makes."""
 PRIOR = 0.005
-"""Share of a run's expected work by which the factor before any job has ended is believed."""
+"""Weight of the initial factor, as a share of a run's expected work."""
 LEAST = 2.0
-"""Seconds of expected work by which it is believed at least: workers take time to get started."""
+"""Least weight of the initial factor, in seconds of work: workers take time to start."""
 OVERDUE = 0.05
-"""What a job that takes longer than expected still takes, as a share of its time so far."""
+"""Estimated time left of a job that is late, as a share of its time so far."""
 
 _Took = tuple["Cost", float]
-"""What a job was expected to take, and the seconds that it took."""
+"""The expected cost of a job, and the seconds that it took."""
 
 
 class Clock:
-    """What a run has done and has to do. Times are seconds of any clock, given by the caller."""
+    """The progress of a run. Times are seconds of any clock, given by the caller."""
 
     def __init__(self, queue: JobQueue, workers: int, now: float, factor: float = 1.0) -> None:
-        """Begins.
+        """Starts the clock.
 
         Args:
             queue: the jobs of the run.
-            workers: jobs at a time.
-            now: when it begins.
-            factor: of the machine, used until jobs have ended.
+            workers: number of parallel jobs.
+            now: the time at which the run starts.
+            factor: see `bench.machine.machine_factor`; used until jobs have ended.
         """
         self._queue, self._workers, self._began, self._prior = queue, workers, now, factor
         self._sent: dict[str, Job] = {}
-        """Jobs that have not started; a worker may have several."""
+        """Jobs that were sent and have not started: all workers are busy."""
         self._running: dict[str, tuple[Job, float]] = {}
         """The running jobs, with the times at which they started."""
         self._done, self._failed = Counter[str](), Counter[str]()
@@ -55,16 +55,16 @@ class Clock:
         return not self._queue.waiting and not self._queue.running
 
     def start(self, job: Job, now: float) -> None:
-        """A job is sent, or sent again. It starts as soon as a worker is free."""
+        """Notes that a job is sent, or sent again. It starts as soon as a worker is free."""
         self._running.pop(name_of(job), None)
         self._sent[name_of(job)] = job
         self._start_sent(now)
 
     def end(self, job: Job, seconds: float, now: float, failed: bool = False) -> None:
-        """A job has ended, after so many seconds of work.
+        """Notes that a job has ended, and the seconds that it took.
 
-        One that failed but will be tried again in parts, which are in the queue, counts as neither
-        done nor failed.
+        A failed job whose parts are in the queue to be tried again counts as neither done nor
+        failed.
         """
         self._sent.pop(name_of(job), None)
         self._running.pop(name_of(job), None)
@@ -80,7 +80,7 @@ class Clock:
             self._running[name] = self._sent.pop(name), now
 
     def left(self, now: float) -> float:
-        """Returns the seconds until the last job ends."""
+        """Returns the estimated seconds until the last job ends."""
         with self._queue.lock:
             jobs = [*self._queue.waiting, *self._queue.running.values()]
         price = self._prices(jobs, now)
@@ -93,7 +93,7 @@ class Clock:
         return finishing_time(jobs, self._workers, lambda job: price(job.cost), running)
 
     def _prices(self, jobs: Sequence[Job], now: float) -> _Prices:
-        """What jobs have taken, and those that run take at least, once they are late."""
+        """Prices from the ended jobs, and from running jobs that are late."""
         expected = sum(job.cost.seconds for job in jobs) + sum(c.seconds for c, _ in self._ended)
         weight = max(LEAST, PRIOR * expected)
         price = _Prices(self._ended, self._prior, weight)
@@ -105,10 +105,10 @@ class Clock:
         return _Prices([*self._ended, *late], self._prior, weight)
 
     def state(self, now: float) -> dict[str, Any]:
-        """Returns how far the run is, as JSON's own types.
+        """Returns the progress of the run, as types of JSON.
 
-        ``gone`` and ``left`` are seconds; ``kinds`` of results have ``name``, ``done``, ``of`` and
-        ``failed``; ``now`` has the ``label`` of each running job, and its ``seconds`` so far.
+        ``gone`` and ``left`` are seconds. Each of ``kinds`` has ``name``, ``done``, ``of`` and
+        ``failed``. ``now`` lists the ``label`` of each running job and its ``seconds`` so far.
         """
         with self._queue.lock:
             left = Counter[str]()
@@ -135,10 +135,10 @@ class Clock:
 
 
 class _Prices:
-    """What jobs will take, by what others of their kind, and all others, have taken."""
+    """Estimates the seconds of jobs from ended jobs of the same kind and of all kinds."""
 
     def __init__(self, seen: Sequence[_Took], prior: float, weight: float) -> None:
-        """Takes what jobs took, and the factor of others before, believed like so many seconds."""
+        """Takes ended jobs with their seconds, and an initial factor with its weight in seconds."""
         known = [(cost.seconds, took) for cost, took in seen if cost.known]
         expected, took = map(sum, zip((weight, weight * prior), *known, strict=True))
         self._common = took / expected
@@ -160,7 +160,7 @@ class _Prices:
 
 
 def duration(seconds: float) -> str:
-    """Returns a time in the unit that suits it."""
+    """Returns a duration as text, in hours, minutes or seconds."""
     for size, unit in ((3600, "h"), (60, "min")):
         if seconds >= 2 * size:
             return f"{seconds / size:.0f} {unit}"
@@ -168,7 +168,7 @@ def duration(seconds: float) -> str:
 
 
 def headline(state: Mapping[str, Any]) -> str:
-    """Returns the times of a state in words; one that `read_state` gives may be of a dead run."""
+    """Returns the times of a state in words; the state may be of a stopped run."""
     gone, left = state["gone"], state["left"]
     if not state.get("running", True):
         return f"stopped after {duration(gone)}; rerun the same command to resume"
@@ -185,7 +185,7 @@ def counted(state: Mapping[str, Any]) -> str:
 
 
 def running(state: Mapping[str, Any], most: int = 3) -> str:
-    """Returns what runs in a state, the first few, with the time that each has taken so far."""
+    """Returns the first few running jobs of a state, each with its time so far."""
     jobs = state["now"]
     shown = ["{} ({})".format(job["label"], duration(job["seconds"])) for job in jobs[:most]]
     more = [f"and {len(jobs) - most} more"] if len(jobs) > most else []

@@ -1,4 +1,4 @@
-"""Several sources of results as one."""
+"""Combines several sources of results into one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class CombinedResults:
 
         self._sources = [source for source, _ in parts]
         frames = [frame.assign(source=place) for place, (_, frame) in enumerate(parts)]
-        # One without rows would turn whole numbers into floats.
+        # An empty frame would turn whole numbers into floats.
         whole = pd.concat([f for f in frames if len(f)] or frames, ignore_index=True)
         if len(whole):
             _check_alike(whole)
@@ -89,12 +89,13 @@ def _first_source(whole: pd.DataFrame, column: str) -> dict[str, int]:
 
 
 def _check_alike(whole: pd.DataFrame) -> None:
-    """Raises InputError if results of one label differ in key, or of one place in controller."""
+    """Raises InputError if results of one label differ in key, or an evaluation in controller."""
     whole = whole.assign(label=whole.folder.str.rsplit("-", n=1).str[0])
     for by, what in ((["label"], "folder"), (_PLACE, "controller_key")):
         for names, found in whole.groupby(by)[what]:
             if found.nunique() > 1:
                 raise InputError(
-                    f"there are different results of {' '.join(map(str, names))}: of another"
-                    " version, config, controller or set of demonstrations; pack what was run alike"
+                    f"there are different results of {' '.join(map(str, names))}: the version,"
+                    " config, controller or demonstrations differ; pack only results with the same"
+                    " settings"
                 )

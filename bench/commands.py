@@ -1,4 +1,4 @@
-"""Commands that installed packages bring, by entry points of the group ``bench.commands``."""
+"""Commands that installed packages provide as entry points of ``bench.commands``."""
 
 from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint
@@ -10,14 +10,14 @@ from tasks.errors import InputError, described
 from tasks.packages import entry_points_of, owners
 
 FAULTS: dict[str, str] = {}
-"""Why a command cannot be used, by name."""
+"""By name of a command, why it cannot be used."""
 
 
 def add_commands(app: typer.Typer) -> None:
-    """Adds the commands of packages to a command line that has its own already.
+    """Adds the commands of packages to a command line that has its own commands already.
 
-    A command that cannot be used says why when it is called, and leaves the others alone. One with
-    the name of the command line's own is left out.
+    A command that cannot be used says why when it is called; the others work. A command with the
+    name of one of the command line's own is left out.
     """
     own = {command.name for command in app.registered_commands}
     own |= {group.name for group in app.registered_groups}
@@ -27,7 +27,7 @@ def add_commands(app: typer.Typer) -> None:
     for name, points in sorted(brought.items()):
         if name in own:
             packages = owners(points)
-            FAULTS[name] = f"{packages} brings a command {name!r}, which bench has: uninstall it"
+            FAULTS[name] = f"{packages} provides a command {name!r}, which bench has: uninstall it"
         else:
             _add(app, name, points)
 
@@ -35,12 +35,12 @@ def add_commands(app: typer.Typer) -> None:
 def _add(app: typer.Typer, name: str, points: Sequence[EntryPoint]) -> None:
     packages = owners(points)
     if len(points) > 1:
-        FAULTS[name] = f"{packages} bring the same command {name!r}: uninstall all but one"
+        FAULTS[name] = f"{packages} provide the same command {name!r}: uninstall all but one"
     else:
         try:
             app.command(name)(_checked(points[0]))
             return
-        except BaseException as error:  # whatever a module raises: it may call sys.exit
+        except BaseException as error:  # a module may even call sys.exit
             FAULTS[name] = (
                 f"command {name!r} of {packages} cannot be imported: {described(error)}; repair or"
                 f" uninstall {packages}"
@@ -50,7 +50,7 @@ def _add(app: typer.Typer, name: str, points: Sequence[EntryPoint]) -> None:
 
 
 def _checked(point: EntryPoint) -> Callable[..., Any]:
-    """What an entry point names, once it is known that a command can be made of it."""
+    """The object of an entry point, after checking that it can become a command."""
     found: Callable[..., Any] = point.load()
     alone = typer.Typer()
     alone.command(point.name)(found)

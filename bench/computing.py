@@ -1,6 +1,6 @@
-"""What the process of a job computes: a controller, fits, or an evaluation.
+"""Computes, in the process of a job, a controller, fits, or an evaluation.
 
-Each function depends on its arguments alone and returns one result for each thing that it makes. A
+Each function depends only on its arguments and returns a list of results. A
 method's results are bytes, see `methods.contract`.
 """
 
@@ -31,12 +31,12 @@ from tasks.simulator import CHUNK, Policy, rollout
 
 @dataclass(frozen=True)
 class Fitted:
-    """What a fit or a controller has learnt, as the content of files."""
+    """The learnt parameters of a fit or a controller, as the content of files."""
 
     parameters: bytes
     diagnostics: bytes
     seconds: float
-    """CPU time, of this seed alone."""
+    """CPU seconds of this seed."""
     facts: Mapping[str, Any]
     """See `bench.provenance.provenance`."""
 
@@ -100,15 +100,15 @@ def evaluate(
 ) -> list[Evaluated]:
     """Returns the episodes of a cell from some starts, as one result.
 
-    Each chunk of starts meets the method as it was stored: an earlier chunk changes nothing.
+    The method is loaded again for each chunk of starts, so that chunks do not affect each other.
 
     Args:
-        cell: what is evaluated, and in which conditions.
-        starts: of the episodes.
-        kept: episodes that are stored already and come before these.
-        parameters: of the method, as stored.
-        controller: weights of the controller, as stored; empty for what acts by itself.
-        threads: of the simulator.
+        cell: the fit and the conditions.
+        starts: starts of the episodes.
+        kept: number of stored episodes before these.
+        parameters: stored parameters of the method.
+        controller: stored weights of the controller; empty if none is used.
+        threads: simulator threads.
     """
     check_mark(cell.fit.pins)
     evaluation = cell.evaluation

@@ -1,7 +1,7 @@
-"""The tracking controller C: maps hand joints now and one step later to an action.
+"""The tracking controller C, which turns a predicted hand motion into actions.
 
-C is trained on the demonstrations' (x_r(t), x_r(t+1)) -> tau(t) (appendix A, G), once for each
-task, and serves every method.
+C maps the hand joints now and one step later to an action. It is trained once for each task on
+(x_r(t), x_r(t+1)) -> tau(t) of the demonstrations (appendix A, G), and serves every method.
 """
 
 from dataclasses import asdict, dataclass
@@ -14,7 +14,7 @@ from methods.base import Parameters
 from tasks.data import Demos, FloatArray
 
 VERSION = 1
-"""Raise it when actions change."""
+"""To be raised when a change of the code changes actions."""
 FIRST_SEED = 1
 
 _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
@@ -22,7 +22,7 @@ _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 @dataclass(frozen=True)
 class ControllerConfig:
-    """Appendix G, Table 6. The batch size is this suite's: the appendix gives none."""
+    """Settings of appendix G, Table 6. The batch size is ours, since the appendix gives none."""
 
     hidden: tuple[int, ...] = (4, 4, 2)
     """Widths of the ReLU layers, in multiples of H."""
@@ -31,12 +31,12 @@ class ControllerConfig:
     batch_size: int = 32
 
     def resolved(self) -> dict[str, Any]:
-        """Returns what decides the result, for a key."""
+        """Returns all that decides what is learnt, for a key."""
         return asdict(self) | {"version": VERSION}
 
 
 class Controller:
-    """A trained C. It computes in float32."""
+    """A trained controller. It computes in float32."""
 
     def __init__(self, weights: Parameters) -> None:
         """Takes ``layer0.weight`` (K, 2 H), ``layer0.bias`` (K,) and so on."""
@@ -46,7 +46,7 @@ class Controller:
         ]
 
     def act(self, present: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Returns the actions (B, A) from x_r(t) (B, H) towards x_r(t+1) (B, H), not clipped."""
+        """Returns the actions (B, A) from x_r(t) (B, H) to x_r(t+1) (B, H), not clipped."""
         *hidden, (weight, bias) = self._layers
         # A diverged prediction may exceed float32; its episode then diverges too.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -59,13 +59,13 @@ class Controller:
 def train_controller(
     config: ControllerConfig, demos: Demos, name: str, seed: int = FIRST_SEED
 ) -> Parameters:
-    """Returns the weights of a controller after the last epoch.
+    """Trains a controller and returns its weights after the last epoch.
 
     Args:
         config: layers and schedule.
-        demos: their hand motions are the inputs, their actions the targets.
-        name: of the task. The random stream depends on it.
-        seed: of the initial weights and the order of samples.
+        demos: hand motions are the inputs, actions the targets.
+        name: name of the task, on which the random stream depends.
+        seed: seed of the initial weights and the order of samples.
     """
     from methods.layers import mlp, mlp_weights
     from methods.training import Schedule, minimise

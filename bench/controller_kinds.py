@@ -1,4 +1,4 @@
-"""The kinds of tracking controllers, told apart by what they learn from."""
+"""The kinds of tracking controllers, which differ in their training data."""
 
 from dataclasses import dataclass
 
@@ -11,18 +11,18 @@ ORIGINAL, UNCLIPPED, TUNED, ON_SUCCESSES = "original", "unclipped", "tuned", "tu
 
 @dataclass(frozen=True)
 class ControllerKind:
-    """What the controllers of one kind learn from."""
+    """The training data of the controllers of one kind."""
 
     name: str
     about: str
-    """What they learn from, in words."""
+    """A description of the training data."""
     records_expert: bool = True
     """Whether they learn from new rollouts of the suite's expert. If not, they learn from the
     demonstrations that the methods learn from."""
     changed_physics: bool = False
     """Whether those rollouts are in the changed physics of the evaluation (appendix I)."""
     keeps_failures: bool = True
-    """Whether failing rollouts are kept, but for those that diverge."""
+    """Whether failing rollouts are kept, except those that diverge."""
     clips_actions: bool = True
     """Whether the expert's actions are clipped to [-1, 1], as the simulator clips them."""
 
@@ -58,17 +58,17 @@ KINDS = {
 
 
 def controller_name(kind: str, seed: int = FIRST_SEED) -> str:
-    """Returns what evaluations call a controller: its kind, and its seed after the first seed."""
+    """Returns the name of a controller in evaluations: its kind, and any seed after the first."""
     return kind if seed == FIRST_SEED else f"{kind}-{seed}"
 
 
 RESEEDED = {seed: controller_name(ORIGINAL, seed) for seed in (2, 3, 4, 5)}
-"""By seed, the names of controllers that differ from the original in their random numbers alone."""
+"""By seed, the names of controllers that differ from the original only in random numbers."""
 AUDITED = (UNCLIPPED, ON_SUCCESSES, *RESEEDED.values())
-"""The names of the controllers that the experiment ``audit`` alone evaluates."""
+"""The names of the controllers that only the experiment ``audit`` evaluates."""
 ABOUT = {
     NO_CONTROLLER: "no controller: the expert and closed-loop methods act themselves",
     **{kind.name: kind.about for kind in KINDS.values()},
     **dict.fromkeys(RESEEDED.values(), "as original, with other random numbers"),
 }
-"""By name, what turns a predicted motion into actions, in words."""
+"""Descriptions of controllers, by name."""

@@ -1,4 +1,4 @@
-"""How many processes and threads a run uses."""
+"""Numbers of processes and threads of a run."""
 
 import os
 
@@ -8,10 +8,10 @@ from tasks.errors import InputError
 
 
 def count_jobs(jobs: int | None = None) -> int:
-    """Returns the number of jobs at a time.
+    """Returns the number of parallel jobs.
 
     Args:
-        jobs: this number, or -1 for one on each core. Default: BENCH_JOBS, else -1.
+        jobs: this number, or -1 for one per core. Default: BENCH_JOBS, else -1.
 
     Raises:
         InputError: the number is 0, below -1, or no whole number.
@@ -21,12 +21,12 @@ def count_jobs(jobs: int | None = None) -> int:
     if text == "-1":
         return cores()
     if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"{name} must be 1 or more, or -1 for one on each core, got {text!r}")
+        raise InputError(f"{name} must be 1 or more, or -1 for one per core, got {text!r}")
     return int(text)
 
 
 def simulator_threads(jobs: int) -> int:
-    """Returns the threads of an evaluation while so many jobs run."""
+    """Returns the simulator threads of each evaluation when this many jobs run in parallel."""
     return max(1, cores() // jobs)
 
 

@@ -1,6 +1,6 @@
-"""What jobs cost: CPU seconds of a reference machine, measured once and shipped in costs.csv.
+"""The cost of jobs in CPU seconds of a reference machine, measured once and shipped in costs.csv.
 
-`bench.measuring` writes the file. `bench plan` and the clock of a run start from the same costs.
+`bench.measuring` writes the file. `bench plan` and the clock of a run start from these costs.
 """
 
 import csv
@@ -14,36 +14,36 @@ from tasks.registry import APPENDIX
 
 TABLE = Path(__file__).with_name("costs.csv")
 CONTROLLER, CALIBRATION = "controller", "calibration"
-"""What stands for a method in rows that are of none; `EXPERT` in those of episodes."""
+"""Names in the column ``method`` of rows without a method; rows of episodes have `EXPERT`."""
 MANY = 5
-"""Seeds that are measured together, beside one alone."""
+"""Number of seeds trained together in the second measurement; the first has one seed."""
 JOB_SECONDS = 0.4
-"""What each job costs besides its work: a process, models that are compiled anew, storing."""
+"""Fixed cost of each job: starting a process, compiling models, storing."""
 DECIDED = {"relocation": 0.4, "reorientation": 0.55}
-"""Share of its steps that an episode takes until it is decided, the mean over the shipped results;
-all of them in other tasks."""
+"""Share of its steps after which an episode is decided: the mean over the shipped results. In other
+tasks an episode always takes all its steps."""
 
 
 @dataclass(frozen=True)
 class Price:
-    """The CPU seconds of one kind of training, or of an episode, which has no epochs."""
+    """The CPU seconds of one kind of training, or of an episode."""
 
     task: str
     method: str
     variant: str
     size: str
     seeds: int
-    """How many train together."""
+    """How many seeds train together."""
     start: float
-    """Before the first epoch."""
+    """Seconds before the first epoch."""
     epoch: float
-    """For each epoch."""
+    """Seconds for each epoch."""
     demo: float
-    """For each demonstration in each epoch; for each episode."""
+    """Seconds for each demonstration in each epoch, or for each episode."""
 
     @property
     def place(self) -> tuple[str, str, str, str, int]:
-        """What tells it apart."""
+        """The fields that identify the row."""
         return self.task, self.method, self.variant, self.size, self.seeds
 
     def seconds(self, demos: int, epochs: float) -> float:
@@ -53,19 +53,19 @@ class Price:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a job is expected to take on the reference machine."""
+    """The expected duration of a job on the reference machine."""
 
     kind: str
-    """Jobs of one kind are mispriced by the same factor."""
+    """Jobs of one kind are assumed to be mispriced by the same factor."""
     seconds: float
     known: bool = True
-    """Whether the table has such a job; else the seconds are in proportion at best."""
+    """Whether the table has such a job. If not, the seconds are only a rough guess."""
     count: int = 1
-    """How many results come of it."""
+    """How many results the job makes."""
 
 
 def fit_cost(fits: Sequence[Fit]) -> Cost:
-    """Returns the cost of the job that does fits which differ in their seeds alone.
+    """Returns the cost of a job that makes fits which differ only in their seeds.
 
     A method that the table lacks is priced like NN.
     """
@@ -86,12 +86,12 @@ def controller_cost(spec: ControllerSpec) -> Cost:
 
 
 def evaluation_cost(evaluation: Evaluation, episodes: int, threads: int = 1) -> Cost:
-    """Returns the cost of the job that evaluates so many episodes.
+    """Returns the cost of a job that evaluates episodes.
 
     Args:
-        evaluation: its conditions.
-        episodes: how many.
-        threads: of the simulator, among which the work is divided.
+        evaluation: the conditions.
+        episodes: number of episodes.
+        threads: simulator threads, which share the work.
     """
     decided = DECIDED.get(evaluation.task, 1.0) if evaluation.rule == APPENDIX else 1.0
     price = _price(evaluation.task, EXPERT, "", "", 1)
@@ -100,14 +100,14 @@ def evaluation_cost(evaluation: Evaluation, episodes: int, threads: int = 1) -> 
 
 
 def calibration_seconds() -> float:
-    """Returns what the calibration of `bench.machine` takes on the reference machine."""
+    """Returns the CPU seconds of the calibration in `bench.machine` on the reference machine."""
     return _table()["", CALIBRATION, "", "", 1].start
 
 
 def _price(task: str, method: str, variant: str, size: str, seeds: int) -> Price | None:
-    """The price of so many seeds, between or beyond the numbers of seeds that were measured.
+    """The price of a number of seeds, interpolated from 1 and `MANY` seeds, or extrapolated.
 
-    A task that is not in the table costs what Door does.
+    A task that is not in the table costs as much as Door.
     """
     prices = _table()
     one = prices.get((task, method, variant, size, 1)) or prices.get(
@@ -117,7 +117,7 @@ def _price(task: str, method: str, variant: str, size: str, seeds: int) -> Price
     if one is None or seeds == 1:
         return one
     share = (seeds - 1) / (MANY - 1)
-    if many is None:  # they are fitted one after the other
+    if many is None:  # the seeds are fitted one after the other
         return Price(*one.place[:-1], seeds, seeds * one.start, seeds * one.epoch, seeds * one.demo)
     between = [
         (1 - share) * getattr(one, name) + share * getattr(many, name)

@@ -1,4 +1,4 @@
-"""How dask is used: a cluster of this machine or a scheduler elsewhere, as a backend of joblib."""
+"""Uses dask as a backend of joblib: a cluster on this machine, or a remote scheduler."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +27,7 @@ DASK_CONFIG = {
 
 @contextmanager
 def dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
-    """Connects to a scheduler, or starts a cluster of so many workers on this machine.
+    """Connects to a scheduler, or starts a cluster with a number of workers on this machine.
 
     Raises:
         InputError: no scheduler answers, its connection is open to others, or one of its workers

@@ -1,4 +1,4 @@
-"""What `bench describe` says about a task, method, experiment or preset, as dictionaries."""
+"""Describes tasks, methods, experiments and presets as dictionaries, for `bench describe`."""
 
 from dataclasses import asdict
 from difflib import get_close_matches
@@ -11,7 +11,7 @@ from tasks.registry import TASKS, get_task
 
 
 def describe(name: str) -> dict[str, Any]:
-    """Describes a task, method, experiment or preset; ``kind`` says which it is.
+    """Describes a task, method, experiment or preset; ``kind`` says which of them it is.
 
     Raises:
         InputError: nothing has that name.
@@ -76,7 +76,7 @@ def _method(name: str) -> dict[str, Any]:
 
 
 def _parameters(name: str, size: str) -> dict[str, Any]:
-    """By task, how many numbers a fit stores; ``unknown``, with the reason, if a fit fails."""
+    """By task, the number of values that a fit stores; ``unknown`` with a reason if it fails."""
     from bench.isolation import apart
     from methods.registry import SUITE
 
@@ -89,7 +89,7 @@ def _parameters(name: str, size: str) -> dict[str, Any]:
 
 
 def _count(name: str, size: str, task: str) -> int:
-    """How many numbers a fit stores, counted after a short fit."""
+    """The number of values that a fit stores, counted after a short fit."""
     from bench.machine import random_demos
     from methods.base import shortened
     from methods.registry import get_method

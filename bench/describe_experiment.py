@@ -1,4 +1,4 @@
-"""What `bench describe` says about an experiment: what it measures, varies and computes."""
+"""Describes experiments: what they measure, vary and compute."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,14 +10,14 @@ from bench.spec import VALIDATION, Cell
 
 @dataclass(frozen=True)
 class About:
-    """What cannot be read off an experiment's cells."""
+    """The description of an experiment, beside what its cells say."""
 
     measures: str
     varies: str
     paper: tuple[str, ...] = ()
-    """The paper's tables and figures that show it in a report, by file name."""
+    """File names of the paper's tables and figures that show it in a report."""
     own: tuple[str, ...] = ()
-    """Other tables and figures that show it in a report."""
+    """File names of the other tables and figures that show it in a report."""
 
 
 ABOUT = {
@@ -65,8 +65,8 @@ ABOUT = {
     "audit": About(
         measures="How far results depend on choices that the paper leaves open.",
         varies="Task, method, seed, and one of these at a time: the variant of the method (as"
-        " described, as published, others), the reading of appendix I, the success rule, and what"
-        " the controller learns from or its random numbers.",
+        " described, as published, others), the reading of appendix I, the success rule, the"
+        " controller's training data, and its random numbers.",
         own=("audit_variant", "audit_controller", "audit_rule", "audit_physics"),
     ),
 }
@@ -79,7 +79,7 @@ SPLITS = {
 
 
 def describe_experiment(name: str) -> dict[str, Any]:
-    """Describes an experiment. Its conditions are those in the preset with the most cells."""
+    """Describes an experiment, with the conditions of the preset that has most cells of it."""
     about = ABOUT[name]
     cells = {preset: _cells(study, name) for preset, study in PRESETS.items()}
     evaluations = [cell.evaluation for cell in max(cells.values(), key=len)]

@@ -1,4 +1,4 @@
-"""What this machine has, and what a run would miss."""
+"""Checks what this machine has, and what a run would lack."""
 
 import platform
 from collections.abc import Callable
@@ -25,14 +25,14 @@ from tasks.registry import TASKS, get_task
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
 LEAST_MEMORY, LEAST_DISK = 4.0, 5.0
-"""GiB that the preset ``paper`` is comfortable with, for each job and in the results folder."""
+"""GiB that the preset ``paper`` needs at ease: memory of each job, disk of the results."""
 
 
 def examine(folder: Path) -> list[dict[str, Any]]:
-    """Returns what was looked at: ``what``, ``found``, and ``advice`` where something is amiss.
+    """Returns a row for each check: ``what``, ``found``, and ``advice`` if something is wrong.
 
     Args:
-        folder: where results would be written.
+        folder: the planned results folder.
     """
     return [*_packages(), *_brought(), *_machine(folder), _drawing(), *_experts()]
 
@@ -49,7 +49,7 @@ def _packages() -> list[dict[str, Any]]:
 
 
 def _brought() -> list[dict[str, Any]]:
-    """What installed packages bring and cannot be used."""
+    """Methods and commands of installed packages that cannot be used."""
     faults = {f"method {name!r}": fault for name, fault in unusable().items()}
     for name in package_methods():
         faults[f"method {name!r}"] = _refusal(partial(known, name))

@@ -1,4 +1,4 @@
-"""What a command is doing, on stderr, if it takes longer than a moment."""
+"""Says on stderr what a command is doing, if it takes longer than a moment."""
 
 import sys
 import threading
@@ -14,13 +14,13 @@ from rich.text import Text
 from bench.clock import duration
 
 MOMENT = 1.0
-"""Seconds in which a command says nothing."""
+"""Seconds before a command says what it is doing."""
 EVERY = 5.0
-"""Seconds between two plain lines."""
+"""Seconds between two lines where stderr is no terminal."""
 
 
 class _Doing:
-    """The line of a command: alive on a terminal, printed now and then elsewhere."""
+    """The line of a command: updated in place on a terminal, printed at intervals elsewhere."""
 
     def __init__(self, what: str) -> None:
         console = Console(stderr=True)
@@ -36,7 +36,7 @@ class _Doing:
             get_renderable=self._render,
             transient=True,
             refresh_per_second=2,
-            redirect_stdout=sys.stdout.isatty(),  # else it may be JSON, for others to read
+            redirect_stdout=sys.stdout.isatty(),  # else stdout may be JSON for a program
         )
 
     def begin(self) -> None:
@@ -76,10 +76,10 @@ _PRESENT: list[_Doing] = []
 
 @contextmanager
 def doing(what: str) -> Iterator[None]:
-    """Says on stderr what goes on in the context, unless it ends in a moment.
+    """Says on stderr what happens in the context, unless it ends within a moment.
 
     Args:
-        what: it begins with; `say` tells what comes next.
+        what: the first step, such as ``checking the study``; `say` announces the next ones.
     """
     present = _Doing(what)
     _PRESENT.append(present)
@@ -97,12 +97,12 @@ def since_start() -> float:
 
 
 def hush() -> None:
-    """Says no more in this context, since something else shows how far it is."""
+    """Stops the line of this context, since something else now shows the progress."""
     if _PRESENT:
         _PRESENT[-1].end()
 
 
 def say(what: str) -> None:
-    """Tells what the command does now, if it is one that says so."""
+    """Announces the next step of the current `doing` context, if there is one."""
     if _PRESENT:
         _PRESENT[-1].say(what)

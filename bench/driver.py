@@ -1,4 +1,4 @@
-"""Run a study: work out its cells and let a `Runner` make what is missing of them."""
+"""Runs a study: lists its cells and lets a `Runner` compute the missing results."""
 
 import sys
 import time
@@ -11,7 +11,6 @@ from bench.admission import admissions, guests, introductions
 from bench.agenda import make_agenda
 from bench.backend import Workers, workers
 from bench.clock import Clock
-from bench.doing import say
 from bench.experiments import cells_of
 from bench.interrupts import Interrupts
 from bench.job_queue import JobQueue
@@ -31,32 +30,31 @@ from tasks.words import count_of
 
 
 def run(study: Study, folder: Path, where: Workers) -> Outcome:
-    """Computes and stores what is missing of a study. The same call resumes it.
+    """Computes and stores the missing results of a study. Repeat the call to resume.
 
-    Where the study compares sizes, the best size of each method is used in the other experiments.
+    If the study compares sizes, the best size of each method is used in the other experiments.
 
     Args:
-        study: what is run.
+        study: the study.
         folder: the results folder, made if needed.
         where: where jobs run.
 
     Raises:
-        InputError: the study names something that does not exist, there is no such backend, another
-            run writes to the folder, or it holds results of a controller that was trained
-            otherwise.
+        InputError: the study names something that does not exist, there is no such backend,
+            another run writes to the folder, or its results used controllers with other training
+            settings.
         KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
     """
     where.check()
     _say_pins()
     if study.demos < 1 or study.demos > TRAINING:
-        raise InputError(f"demonstrations to train on are 1 to {TRAINING}, got {study.demos}")
+        raise InputError(f"a study trains on 1 to {TRAINING} demonstrations, got {study.demos}")
     keys = demos_keys_of(study)
     if not guests(study.methods):
-        cells_of(study, keys)  # refuses what does not exist before a folder is made
+        cells_of(study, keys)  # so that bad names are refused before a folder is created
     with _running(folder, where, str(folder)) as runner:
         study = _admit(study, runner)
         if study.methods or study.expert:
-            say("looking for what is missing")
             agenda = make_agenda(study, keys, runner.results)
             runner.check(agenda.cells)
             runner.copy_trained(agenda.cells)
@@ -77,7 +75,7 @@ def _say_pins() -> None:
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
-    """Computes and stores some cells, and trains their controllers anew, see `run`."""
+    """Computes and stores cells like `run`, but trains their controllers again."""
     methods = dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
     with _running(folder, where, f"{count_of(len(cells), 'evaluation')} again") as runner:
         names = guests(methods)
@@ -89,7 +87,7 @@ def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
 
 
 def _admit(study: Study, runner: Runner) -> Study:
-    """Returns the study without the methods that cannot be used; those count as failed."""
+    """Returns the study without methods that cannot be used; these count as failed."""
     names = guests(study.methods)
     failures = runner.meet(names, admissions(study, names))
     for name, failure in failures.items():

@@ -1,4 +1,4 @@
-"""The experiments: what each compares, as a list of cells. Experiments may share cells."""
+"""The experiments, each as a list of cells. Experiments may share cells."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -53,7 +53,7 @@ def lifting(study: Study, chosen: Sizes) -> list[Cell]:
 
 
 def stability(study: Study, chosen: Sizes) -> list[Cell]:
-    """KODex on all demonstrations, whose eigenvalues are shown (Table 12, Fig. 7)."""
+    """KODex fitted to all demonstrations, for its eigenvalues (Table 12, Fig. 7)."""
     return cells(study, fits_of_kodex(study), [ON_VALIDATION], study.episodes["stability"])
 
 
@@ -112,7 +112,7 @@ def _controllers(study: Study, chosen: Sizes) -> list[Cell]:
 
 
 def _few(study: Study) -> int:
-    """Episodes of the evaluations of ``audit`` that stand beside those of ``robustness``."""
+    """Episodes of those evaluations of ``audit`` that are compared with ``robustness``."""
     episodes = study.episodes["audit"]
     return min(episodes, study.episodes.get("robustness", episodes))
 
@@ -167,7 +167,7 @@ def cells_of(study: Study, demos_keys: DemosKeys, chosen: Sizes | None = None) -
     except InputError:
         raise
     except Exception as error:  # a method of a package may refuse a setting in its own words
-        raise InputError(f"a method cannot be set up so: {described(error)}") from error
+        raise InputError(f"a method cannot be set up: {described(error)}") from error
     return found
 
 
@@ -182,7 +182,7 @@ def _once(given: Iterable[Cell]) -> list[Cell]:
 
 
 def _check_configs(found: Iterable[Cell]) -> None:
-    """Raises what a method raises that refuses its config."""
+    """Builds every method, which raises an error if it refuses its config."""
     for fit in {cell.fit.key: cell.fit for cell in found}.values():
         if fit.method != EXPERT:
             fit.build()

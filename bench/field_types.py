@@ -26,7 +26,7 @@ def fits_type(value: Any, hint: Any) -> bool:
 
 
 def typed(value: Any, hint: Any) -> Any:
-    """Returns a value, converted to the type that a field declares where that is possible.
+    """Returns a value, converted to the type that a field declares if possible.
 
     A tuple may be written as ``64,32``, ``(64, 32)`` or ``[64, 32]``; 1 becomes 1.0 in a field of
     floats, and 1e3 becomes 1000 in a field of integers.
@@ -42,7 +42,7 @@ def typed(value: Any, hint: Any) -> Any:
         return float(value)
     if int in options and float not in options and isinstance(value, float) and value.is_integer():
         return int(value)
-    return tuple(value) if isinstance(value, list) else value  # as configs have them
+    return tuple(value) if isinstance(value, list) else value  # configs hold tuples
 
 
 def wrong_type(place: str, hint: Any, value: Any, default: Any) -> InputError:
@@ -50,9 +50,9 @@ def wrong_type(place: str, hint: Any, value: Any, default: Any) -> InputError:
 
     Args:
         place: the field, ``METHOD.FIELD``.
-        hint: the type that it declares.
-        value: what was given.
-        default: the field's own value, which shows how one is written.
+        hint: the type that the field declares.
+        value: the value given.
+        default: the default value of the field, shown as an example.
     """
     shown = hint.__name__ if isinstance(hint, type) and not get_args(hint) else hint
     if isinstance(default, list | tuple):

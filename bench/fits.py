@@ -19,7 +19,7 @@ from tasks.registry import get_task
 
 
 def chosen_fits(study: Study, chosen: Sizes) -> list[Fit]:
-    """Returns for each task the expert, if the study has it, and every method at its used size."""
+    """Returns the expert, if the study has it, and every method at its used size, by task."""
     fits = []
     for task in study.tasks:
         if study.expert:
@@ -54,7 +54,7 @@ def fits_of_variants(study: Study, chosen: Sizes) -> list[Fit]:
 
 
 def fits_of_kodex(study: Study, variants: Sequence[str] = ("described",)) -> list[Fit]:
-    """Returns the fits of KODex on each task; none if the study does without KODex."""
+    """Returns the fits of KODex on each task; none if the study does not have KODex."""
     if "kodex" not in study.methods:
         return []
     return [

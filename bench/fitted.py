@@ -1,4 +1,4 @@
-"""Fitted methods, loaded from what a results folder has stored of them."""
+"""Fitted methods, loaded from a results folder."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -17,21 +17,21 @@ from tasks.errors import InputError, unknown_name
 from tasks.registry import get_task
 
 ANY_SEED = 0
-"""The seed of a fit that stands for all seeds, since the method has no randomness."""
+"""Seed of the single fit of a deterministic method, which stands for all seeds."""
 
 
 class Methods(Mapping[str, Method]):
     """Fitted methods of a task by name, each loaded when it is looked up.
 
     Raises:
-        InputError: on look-up: there is no fit of that method, seed or size; or another version of
-            the method than the installed one has made it.
+        InputError: on look-up, if there is no fit of that method, seed or size, or if another
+            version of the method than the installed one made it.
     """
 
     def __init__(
         self, results: Results, frame: pd.DataFrame, task: str, seed: int | None, size: str | None
     ) -> None:
-        """Takes results and rows of their frame, see `bench.opened.Opened.methods`.
+        """Takes results and their frame, see `bench.opened.Opened.methods`.
 
         Raises:
             InputError: there are no fits of that task.

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: a run stops, and keeps what ends soon."""
+"""Stops a run on Ctrl-C, SIGTERM or SIGHUP, and keeps the results of jobs that end soon."""
 
 import os
 import signal

@@ -1,8 +1,8 @@
-"""One job in a process of its own: whatever the job does to its process, the next job starts clean.
+"""Runs a job in its own process, so that it cannot affect the jobs after it.
 
-On Linux the process is forked from a server that has imported what jobs need and has computed
-nothing, which takes milliseconds. Elsewhere it is started anew, since system libraries there do not
-survive a fork.
+On Linux the process is forked, within milliseconds, from a server that has imported the libraries
+of jobs but has computed nothing. On other systems a new interpreter starts, since their system
+libraries do not survive a fork.
 """
 
 import atexit
@@ -22,7 +22,7 @@ from functools import cache
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from pickle import dumps, loads  # by name, whatever a method puts into the module
+from pickle import dumps, loads  # by name, in case a method changes the module
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -32,48 +32,49 @@ from tasks.errors import InputError, described, reason_of
 
 PRELOADED = ["bench.cli", "bench.driver", "methods.guard", "methods.network", "pandas"]
 SHOWN = 4000
-"""Characters kept of what a job prints, the last ones, and of a traceback."""
+"""Characters that are kept of a job's output and of a traceback: the last ones."""
 
 PATIENCE = 600.0
-"""Seconds for a job that a command waits for."""
+"""Time limit in seconds of a job that a command waits for."""
 
 _FOLDER = "bench-job-"
-"""Begins the name of a job's folder, before the number of its worker's process."""
+"""Prefix of the name of a job's folder, before the process id of its worker."""
 _PRINTED = "printed"
-"""Name of the file in a job's folder that holds what the job prints."""
+"""Name of the file in a job's folder that holds the job's output."""
 _COUNTED = 2**24
+"""Bytes of a job's output in which lines are counted."""
 _LONGEST_FOLDER = 60
 _SET_CHILD_SUBREAPER = 36
-"""Of Linux's prctl."""
+"""Option number of Linux's prctl."""
 
 Job = Callable[..., Any]
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no result."""
+    """Why a job returned no result."""
 
     reason: str
     traceback: str
     tries: int = 1
     died: bool = False
-    """Whether the process of the job ended without an answer."""
+    """Whether the process of the job ended before it returned anything."""
 
 
 class Stop(KeyboardInterrupt):
-    """The user asked the run to stop. A KeyboardInterrupt of a method's own is a failure."""
+    """The user stops the run. A KeyboardInterrupt that a method raises is a failure instead."""
 
 
 def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
-    """Returns what a job returns, or the `Failure` of one that raises, in this very process.
+    """Calls a job in this process; returns its result, or a `Failure` if it raises.
 
     Args:
-        name: of the job; the global random streams are seeded by it.
-        job: what is called.
-        arguments: of the call.
+        name: name of the job, which seeds the global random streams.
+        job: the function to call.
+        arguments: its arguments.
 
     Raises:
-        Stop: the user asked for it.
+        Stop: the user stops the run.
     """
     from methods.guard import guarded  # imports torch, which a worker never needs
 
@@ -89,12 +90,12 @@ def do_here(name: str, job: Job, arguments: tuple[Any, ...]) -> Any:
 def _traceback(error: BaseException) -> str:
     try:
         return "".join(traceback.TracebackException.from_exception(error).format())
-    except BaseException:  # whatever a method's exception does when it is asked for its text
+    except BaseException:  # a method's exception may fail to format itself
         return ""
 
 
 def apart(job: Job, *arguments: Any) -> Any:
-    """Returns what a short job returns that runs in a process of its own.
+    """Runs a short job in its own process and returns its result.
 
     Raises:
         InputError: the job fails, or takes longer than `PATIENCE`; the message is the reason.
@@ -107,7 +108,7 @@ def apart(job: Job, *arguments: Any) -> Any:
 
 
 def read_answer(answer: bytes) -> Any:
-    """Returns what `do_apart` has returned, unpickled; a `Failure` where that cannot be done."""
+    """Returns the unpickled result of `do_apart`, or a `Failure` if it cannot be unpickled."""
     try:
         return loads(answer)
     except Exception as error:
@@ -115,7 +116,7 @@ def read_answer(answer: bytes) -> Any:
 
 
 def do_apart(name: str, call: bytes, limit: float) -> bytes:
-    """Returns the pickled result or `Failure` of a job that runs in a process of its own.
+    """Runs a job in its own process; returns its pickled result or `Failure`.
 
     Args:
         name: see `do_here`.
@@ -126,7 +127,7 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
     folder = TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True)
     with folder as place, _adopting_orphans():
         process = _context().Process(target=_child, args=(there, place, name, call))
-        # A worker of dask is a daemon, which Python allows no children.
+        # Python forbids a daemon, such as a dask worker, to start processes.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
         process.start()
         there.close()
@@ -143,29 +144,29 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
 def _answer(
     here: Connection, process: multiprocessing.process.BaseProcess, limit: float
 ) -> bytes | Failure:
-    """What the process sends, or why it sends nothing."""
+    """The bytes that the process sends, or a failure that says why it sends nothing."""
     ready = wait([here, process.sentinel], limit)
     if not ready:
-        return Failure(f"it took more than {limit / 60:g} minutes, the limit", "")
+        return Failure(f"it exceeded the limit of {limit / 60:g} minutes", "")
     with suppress(EOFError, OSError):
         if here.poll():
             return here.recv_bytes()
     process.join()
     code = process.exitcode or 0
     how = f"ended with exit code {code}" if code >= 0 else f"was killed by {_signal(-code)}"
-    return Failure(f"its process {how} before it answered", "", died=True)
+    return Failure(f"its process {how} before it returned a result", "", died=True)
 
 
 def _signal(number: int) -> str:
     try:
         name = signal.Signals(number).name
-    except ValueError:  # of real time
+    except ValueError:  # a real-time signal
         name = f"signal {number}"
     return f"{name} (perhaps for lack of memory)" if name == "SIGKILL" else name
 
 
 def _kill(process: multiprocessing.process.BaseProcess) -> None:
-    """Ends a process, and those that it has started, whatever they do."""
+    """Kills a process and all processes that it has started."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid or 0, signal.SIGKILL)
     process.kill()
@@ -174,14 +175,14 @@ def _kill(process: multiprocessing.process.BaseProcess) -> None:
     here = os.getsid(0)
     for child in psutil.Process().children(recursive=True):
         with suppress(psutil.Error, ProcessLookupError):
-            if os.getsid(child.pid) != here:  # unlike what this process has started itself
+            if os.getsid(child.pid) != here:  # it belongs to a job, not to this process
                 child.kill()
                 child.wait(1)
 
 
 @contextmanager
 def _adopting_orphans() -> Iterator[None]:
-    """Makes this process the parent of what is left of a job's process, so that it can be ended."""
+    """Makes this process adopt the orphans of a job, so that it can kill them."""
     prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else lambda *numbers: None
     prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     try:
@@ -202,7 +203,7 @@ def _child(there: Connection, place: str, name: str, call: bytes) -> None:
         signal.signal(number, signal.SIG_DFL)
     tempfile.tempdir = place
     result = do_here(name, _pickled, (call,))
-    if os.getpid() != me:  # the job has forked this process, and come back twice
+    if os.getpid() != me:  # the job has forked, and this is the copy
         os._exit(0)
     if isinstance(result, Failure):
         with suppress(Exception):
@@ -213,15 +214,15 @@ def _child(there: Connection, place: str, name: str, call: bytes) -> None:
 
 
 def printed(lines: int) -> tuple[tuple[str, ...], int]:
-    """Returns the first lines that this job has printed so far, and how many there are in all.
+    """Returns the first lines that this job has printed so far, and the number of all its lines.
 
-    Those in the first `_COUNTED` bytes are counted. Only for a process of a job, whose output is a
-    file.
+    Lines are counted in the first `_COUNTED` bytes. To be called only in the process of a job,
+    whose output goes to a file.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(Exception):
             stream.flush()
-    ctypes.CDLL(None).fflush(None)  # what libraries in C have printed
+    ctypes.CDLL(None).fflush(None)  # output of C libraries
     said: list[bytes] = []
     with suppress(OSError), Path(tempfile.gettempdir(), _PRINTED).open("rb") as file:
         said = file.read(_COUNTED).splitlines()
@@ -230,7 +231,7 @@ def printed(lines: int) -> tuple[tuple[str, ...], int]:
 
 
 def _printed(place: str) -> str:
-    """The end of what a job has printed."""
+    """The end of a job's output."""
     with suppress(OSError), Path(place, _PRINTED).open("rb") as file:
         file.seek(max(0, file.seek(0, os.SEEK_END) - 4 * SHOWN))
         said = _printable(file.read(4 * SHOWN).decode(errors="backslashreplace"))
@@ -251,9 +252,9 @@ def _end_with_the_parent() -> None:
 
 
 def start_server() -> None:
-    """Starts what processes of jobs are forked from, and does not wait until it is ready.
+    """Starts the server that processes of jobs are forked from, without waiting for it.
 
-    Folders of jobs whose worker was killed are removed.
+    Removes leftover folders of jobs whose worker was killed.
     """
     for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*-*"):
         worker = folder.name.removeprefix(_FOLDER).partition("-")[0]
@@ -274,7 +275,7 @@ def _context() -> Any:
 
 
 def _shorten_the_folder_of_sockets() -> None:
-    """A socket's path has at most some hundred characters, and TMPDIR may have more."""
+    """Puts sockets into /tmp if TMPDIR is long: their paths have at most about 100 characters."""
     config = multiprocessing.current_process()._config  # type: ignore[attr-defined]
     if len(tempfile.gettempdir()) > _LONGEST_FOLDER and config.get("tempdir") is None:
         config["tempdir"] = tempfile.mkdtemp(prefix=f"{_FOLDER}{os.getpid()}-", dir="/tmp")
@@ -282,6 +283,6 @@ def _shorten_the_folder_of_sockets() -> None:
 
 
 def _printable(text: str) -> str:
-    """The end of a text, with what a terminal would obey as escapes."""
+    """The end of a text, with control characters escaped."""
     shown = text[-SHOWN:].encode("utf-8", "backslashreplace").decode()
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in shown)

@@ -1,7 +1,7 @@
-"""Which job comes next: jobs wait for the results that they need, and the longest chain goes first.
+"""Decides which job runs next. Jobs wait for results they need; the longest chain goes first.
 
-Nothing here knows what jobs do. `finishing_time` runs the same queue with costs in place of work:
-`bench plan` and the clock of a run estimate with it what a run will take.
+The queue does not depend on what jobs do. `finishing_time` simulates the queue with the costs of
+jobs: `bench plan` and the clock of a run use it to estimate the duration of a run.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Job(Protocol):
 
     @property
     def kind(self) -> str:
-        """What it makes, in the plural."""
+        """The kind of its results, in the plural."""
 
     @property
     def label(self) -> str:
@@ -32,7 +32,7 @@ class Job(Protocol):
 
     @property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
 
     @property
     def makes(self) -> Sequence[str]:
@@ -93,7 +93,7 @@ class JobQueue:
 
     @_locked
     def add(self, jobs: Iterable[Job]) -> None:
-        """Adds jobs, except those that make or need what has failed, or make what others make."""
+        """Adds jobs, except those that make or need a failed result or make a result of others."""
         for job in jobs:
             failed = self.failed.intersection((*job.makes, *job.needs))
             if not failed and self._makers.keys().isdisjoint(job.makes):
@@ -127,7 +127,7 @@ class JobQueue:
 
     @_locked
     def finish(self, name: str) -> None:
-        """Notes that the results of a running job exist."""
+        """Notes that the results of a running job now exist."""
         for key in self.running.pop(name).makes:
             del self._makers[key]
             for other in self._needed_by.get(key, ()):
@@ -179,7 +179,7 @@ class JobQueue:
             self.add(part for job in long for part in job.parts())
 
     def _arrange(self) -> None:
-        """Works out anew what each job waits for, and its rank."""
+        """Computes again what each job waits for, and its rank."""
         unfinished = [*self.running.values(), *self._waiting.values()]
         self._makers = {key: name_of(job) for job in unfinished for key in job.makes}
         self._needed_by: dict[str, list[str]] = {}
@@ -198,7 +198,7 @@ class JobQueue:
 
 
 def name_of(job: Job) -> str:
-    """Returns what tells a job apart from all others."""
+    """Returns the unique name of a job."""
     return job.makes[0]
 
 
@@ -237,9 +237,9 @@ def finishing_time(
 
     Args:
         jobs: those that wait and those that run.
-        workers: jobs at a time.
-        seconds: returns what a job takes.
-        running: what the running jobs still take, by name.
+        workers: number of parallel jobs.
+        seconds: returns the duration of a job.
+        running: seconds left of the running jobs, by name.
     """
     queue = JobQueue(jobs)
     ends = [(left, name) for name, left in (running or {}).items()]

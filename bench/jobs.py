@@ -1,7 +1,7 @@
 """The jobs of a run: train a controller, fit a method, evaluate a fit.
 
-A job names the results that it needs and makes, says what it costs, has a call that runs in another
-process, and knows how its result is stored.
+A job has the keys of the results that it needs and makes, a cost, a call that runs in another
+process, and a method that stores its result.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -26,7 +26,7 @@ class ControllerJob:
 
     spec: ControllerSpec
     cached: bool
-    """Whether the cache gets the controller too."""
+    """Whether the controller is also stored in the cache."""
     kind: ClassVar = "controllers"
     needs: ClassVar[tuple[str, ...]] = ()
     after: ClassVar[tuple[str, ...]] = ()
@@ -48,7 +48,7 @@ class ControllerJob:
 
     @cached_property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
         return controller_cost(self.spec)
 
     def parts(self) -> Sequence["ControllerJob"]:
@@ -93,7 +93,7 @@ class FitJob:
 
     @cached_property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
         return fit_cost(self.fits)
 
     def parts(self) -> Sequence["FitJob"]:
@@ -120,9 +120,9 @@ class EvaluationJob:
 
     cell: Cell
     kept: int
-    """Episodes that are stored and stay."""
+    """Stored episodes that are kept."""
     wanted: int
-    """Episodes that there will be."""
+    """Episodes after the job."""
     threads: int
     """Threads of the simulator."""
     after: tuple[str, ...] = ()
@@ -151,12 +151,12 @@ class EvaluationJob:
 
     @property
     def episodes(self) -> int:
-        """How many it simulates."""
+        """Number of episodes that it simulates."""
         return self.wanted - self.kept
 
     @cached_property
     def cost(self) -> Cost:
-        """What it takes on the reference machine."""
+        """The expected cost on the reference machine."""
         return evaluation_cost(self.cell.evaluation, self.episodes, self.threads)
 
     def parts(self) -> Sequence["EvaluationJob"]:
@@ -180,7 +180,7 @@ RunJob = ControllerJob | FitJob | EvaluationJob
 def stored_bytes(cell: Cell, results: Results) -> tuple[bytes, bytes]:
     """Returns the stored parameters of a cell's method and weights of its controller.
 
-    Both are empty for the expert, the second for a method that acts by itself.
+    Both are empty for the expert, and the second for a method that predicts actions.
     """
     if cell.fit.method == EXPERT:
         return b"", b""
@@ -195,14 +195,14 @@ def jobs_of(
     after: Collection[str] = (),
     cached: bool = True,
 ) -> list[RunJob]:
-    """Returns the jobs that make what is missing of some cells.
+    """Returns the jobs that make the missing results of cells.
 
     Args:
-        cells: what is wanted.
-        missing: of it, see `bench.missing.find_missing`.
-        threads: of an evaluation.
+        cells: the cells.
+        missing: what is missing of them, see `bench.missing.find_missing`.
+        threads: simulator threads of an evaluation.
         after: keys of results that decide whether the fits and evaluations are wanted.
-        cached: whether controllers go into the cache.
+        cached: whether controllers are stored in the cache.
     """
     cells, order = list(cells), tuple(sorted(after))
     controllers = {c.key: c for cell in cells if (c := cell.controller)}

@@ -1,7 +1,7 @@
-"""What rows are called whose method was fitted in several ways.
+"""Labels of methods that were fitted in several ways.
 
-A method that a study has fitted with several values of ``--set``, or on several sets of
-demonstrations, has several rows: ``mine``, ``mine:hidden=64``, ``mine:demos=3f2a91c0``.
+If results hold fits of a method with several values of ``--set``, or on several sets of
+demonstrations, each has a label of its own: ``mine``, ``mine:hidden=64``, ``mine:demos=3f2a91c0``.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EXPERT = "expert"
-"""Stands for a method in tables; nothing is fitted for it."""
+"""Name of the expert in tables, beside methods. Nothing is fitted for it."""
 VALIDATION = "validation"
-"""The split whose starts are those of the validation demonstrations."""
+"""Name of the split with the starts of the validation demonstrations."""
 SEPARATOR = ":"
 LONGEST = 80
 DEMOS_DIGITS = 8
 
 
 def as_text(settings: Mapping[str, Any]) -> str:
-    """Returns the fields of a config and their values as a part of a label: ``hidden=64x32``."""
+    """Returns fields of a config and their values as part of a label, such as ``hidden=64x32``."""
     text = "+".join(f"{name}={_value(settings[name])}" for name in sorted(settings))
     if len(text) <= LONGEST:
         return text
-    return f"{text[: LONGEST - 10]}~{key('settings', text)[:8]}"  # a name of a folder
+    return f"{text[: LONGEST - 10]}~{key('settings', text)[:8]}"  # part of a folder name
 
 
 def _value(value: object) -> str:
@@ -40,10 +40,10 @@ def _value(value: object) -> str:
 
 
 def labelled(frame: pd.DataFrame) -> pd.DataFrame:
-    """Returns rows of `bench.source.Source.frame` with labels of their own for a method's fits.
+    """Returns the rows of `bench.source.Source.frame` with labels in place of method names.
 
-    A method's name is followed by what `--set` has changed where its rows differ in that, and by
-    the key of its demonstrations where those of a task differ in that and are not the expert's.
+    The label adds the changes of `--set` if the rows of a method differ in them. It adds the key of
+    the demonstrations if the rows of a method on a task differ in it and they are not the expert's.
     """
     learnt = frame[frame.method != EXPERT]
     if learnt.empty:
@@ -60,12 +60,12 @@ def labelled(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def plain(label: str) -> str:
-    """Returns the name of a label's method."""
+    """Returns the name of the method in a label."""
     return label.partition(SEPARATOR)[0]
 
 
 def labels_of(name: str, known: list[str]) -> list[str]:
-    """Returns the labels that a name stands for: itself, or all of the method of that name.
+    """Returns the labels that a name selects: the label itself, or all labels of that method.
 
     Raises:
         InputError: it is neither.

@@ -1,4 +1,4 @@
-"""How fast this machine is, against the reference machine of bench/costs.csv."""
+"""The speed of this machine, relative to the reference machine of bench/costs.csv."""
 
 import json
 import os
@@ -23,13 +23,14 @@ from tasks.registry import get_task
 from tasks.simulator import rollout
 
 TRAINING, VALIDATION, EPISODES = 16, 4, 50
-"""Size of the calibration."""
+"""Numbers of demonstrations and episodes of the calibration."""
 
 
 def machine_factor() -> float:
-    """Returns how many seconds this machine takes for one of the reference machine.
+    """Returns how many seconds this machine takes for one second of the reference machine.
 
-    It is measured in a few seconds, and kept in the cache, for this machine and these versions.
+    The first call measures it, in a few seconds. The cache keeps it for this machine and these
+    versions.
     """
     known = cached_factor()
     if known is not None:
@@ -41,7 +42,7 @@ def machine_factor() -> float:
 
 
 def cached_factor() -> float | None:
-    """Returns `machine_factor`, if it has been measured."""
+    """Returns `machine_factor` if the cache has it, else None."""
     try:
         factor = float(json.loads(_path().read_bytes())["factor"])
     except (OSError, ValueError, KeyError, TypeError, InputError):
@@ -50,7 +51,7 @@ def cached_factor() -> float | None:
 
 
 def describe_machine() -> str:
-    """Returns processor, cores and versions in a line."""
+    """Returns processor, cores and versions in one line."""
     names = ("mujoco", "numpy", "torch")
     versions = ", ".join(f"{name} {version(name)}" for name in names)
     return f"{_processor()}, {os.cpu_count()} cores; Python {platform.python_version()}, {versions}"
@@ -70,7 +71,7 @@ def _processor() -> str:
 
 
 def calibrate() -> float:
-    """Returns the CPU seconds of some of what jobs do: simulate, and train networks."""
+    """Returns the CPU seconds of a sample of what jobs do: simulate and train networks."""
     task = get_task("door")
     starts, expert, (demos, validation) = (
         task.sample("train", EPISODES),
@@ -96,18 +97,18 @@ def _fit_lstm(demos: Demos, validation: Demos) -> None:
 
 @cache
 def warm_up() -> None:
-    """Does what only the first training of a process costs: importing torch, finding memory."""
+    """Trains once, since the first training of a process also imports torch and gets memory."""
     train_controller(ControllerConfig(epochs=1), random_demos("door")[0], "calibration")
 
 
 @cache
 def random_demos(task_name: str) -> tuple[Demos, Demos]:
-    """Returns made-up demonstrations of a task's dimensions and length: 16 to train on, and 4."""
+    """Returns random demonstrations of a task's dimensions: 16 for training, 4 for validation."""
     task = get_task(task_name)
     rng = generator("calibration", task_name)
     count = TRAINING + VALIDATION
     shape = (count, task.horizon)
-    # Walks rather than noise, whose velocities would tear a second-order policy apart.
+    # Random walks: the velocities of plain noise would make a second-order policy diverge.
     states = rng.standard_normal((*shape, task.layout.state_dim)).cumsum(axis=1) / task.horizon
     velocities = states[:, :, : task.robot_dim]
     actions = rng.uniform(-1, 1, (count, task.steps, task.layout.action_dim))

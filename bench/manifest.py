@@ -1,6 +1,6 @@
-"""The manifest of a results folder: the evaluations that studies have asked for.
+"""The manifest of a results folder: the evaluations that studies have requested.
 
-Tables show these and no others.
+Tables show only these.
 """
 
 import re
@@ -26,14 +26,14 @@ class Name:
 
 @dataclass(frozen=True)
 class Wanted:
-    """One evaluation that a study asks for."""
+    """One evaluation that a study requests."""
 
     fit: Name
     evaluation: Name
     """Its label is the name of its file, see `bench.names.evaluation_name`."""
     episodes: int
     controller: Name | None = None
-    """The tracking controller, of an evaluation that needs one."""
+    """The tracking controller; None if the evaluation uses none."""
     fitted: bool = True
     """Whether a method is evaluated; the expert is not fitted."""
 
@@ -45,21 +45,21 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What studies have asked for."""
+    """The requested evaluations of a results folder, and notes."""
 
     wanted: tuple[Wanted, ...] = ()
-    """In the order of their places."""
+    """Sorted by place."""
     notes: tuple[str, ...] = ()
-    """What a reader of the tables must know, such as a reduced protocol."""
+    """Notes for readers of the tables, such as about a reduced protocol."""
 
     def extended(self, wanted: Iterable[Wanted], note: str = "") -> "Manifest":
-        """Returns the manifest once more evaluations are asked for.
+        """Returns the manifest with more requested evaluations.
 
-        Of fits with one label, the last asked for replaces the others and their evaluations.
+        Of fits with the same label, the last one replaces the others and their evaluations.
 
         Args:
-            wanted: evaluations.
-            note: what a reader of the tables must know, or nothing.
+            wanted: the evaluations.
+            note: note for readers of the tables; empty for none.
         """
         every = (*self.wanted, *wanted)
         last = {one.fit.label: one.fit.key for one in every}
@@ -89,7 +89,7 @@ def read_manifest(folder: Path) -> Manifest:
             return Manifest(wanted, tuple(record["notes"]))
     except DamagedError as error:
         raise InputError(
-            f"{error}: remove it and run the study again; stored results will be found"
+            f"{error}: remove it and run the study again; stored results are kept"
         ) from error
 
 

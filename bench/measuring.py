@@ -1,7 +1,7 @@
-"""Measures bench/costs.csv: ``python -m bench.measuring``, some ten minutes of one core.
+"""Measures bench/costs.csv: ``python -m bench.measuring``, about ten minutes on one core.
 
-Measured is CPU time, which other work on the machine hardly adds to. Each training is shortened,
-to a few epochs on the expert's demonstrations, and extended in `bench.costs`.
+It measures CPU time, which other work on the machine hardly affects. Each training is shortened to
+a few epochs on some of the expert's demonstrations; `bench.costs` extrapolates.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,18 +25,18 @@ from tasks.registry import TASKS, get_task
 from tasks.simulator import rollout
 
 FEW, MORE, MOST = 25, 50, 100
-"""Demonstrations that a training is measured with: few, and more of those that take long or most
-of those that do not."""
+"""Numbers of demonstrations that a training is measured with: `FEW`, then `MORE` if an epoch is
+slow, or `MOST` if it is fast."""
 LONG = 0.6
-"""Seconds of an epoch on few demonstrations that are enough to go by."""
+"""Seconds from which an epoch on `FEW` demonstrations counts as slow."""
 EPISODES = 60
 
 Train = Callable[[Demos, int], object]
-"""Trains on demonstrations for so many epochs."""
+"""Trains on demonstrations for a number of epochs."""
 
 
 def measure(tasks: Sequence[str] = TASKS) -> Iterator[Price]:
-    """Yields what all that `paper` fits, trains and evaluates costs on this machine."""
+    """Yields the cost on this machine of everything that the preset ``paper`` computes."""
     warm_up()
     yield Price("", CALIBRATION, "", "", 1, min(calibrate() for _ in range(3)), 0.0, 0.0)
     for task in tasks:
@@ -47,7 +47,7 @@ def measure(tasks: Sequence[str] = TASKS) -> Iterator[Price]:
 
 
 def _episode_seconds(name: str) -> float:
-    """An episode of the expert: a hand that rests touches nothing, and takes half the time."""
+    """The CPU seconds of an expert's episode. A hand at rest touches nothing and takes half."""
     task = get_task(name)
     starts, expert = task.sample("train", EPISODES), load_expert(task).policy
     whole = partial(rollout, task, starts, expert, chunk=EPISODES, threads=1, whole=True)
@@ -75,7 +75,7 @@ def _fit_prices(task: str, name: str) -> Iterator[Price]:
 
 
 def _training_seconds(task: str, train: Train, epochs: bool = True) -> tuple[float, float, float]:
-    """The seconds before the first epoch, of each epoch, and of each demonstration in it."""
+    """The seconds before the first epoch, for each epoch, and for each demonstration in it."""
     training, _ = split(load_demos(get_task(task)))
     few, start, most, count = _seconds(partial(train, training[:FEW], 1)), 0.0, MORE, 1
     if few < LONG:

@@ -1,4 +1,4 @@
-"""Merge results folders, as from several machines, into one."""
+"""Merges results folders, for example from several machines, into one."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,10 +13,10 @@ from tasks.errors import InputError
 
 
 def merge(folders: Sequence[Path], out: Path) -> int:
-    """Copies everything sound of several results folders into one; returns how many fits there are.
+    """Copies the undamaged results of several folders into one; returns the number of fits.
 
-    Where two hold the same evaluation, the one of more episodes is kept. What is damaged is left
-    out; in ``out`` it is set aside.
+    If two folders hold the same evaluation, the one with more episodes is kept. Damaged files are
+    not copied; those in ``out`` are set aside.
 
     Raises:
         InputError: a folder holds no results, or two hold different results under one label, or
@@ -36,7 +36,7 @@ def merge(folders: Sequence[Path], out: Path) -> int:
 
 
 def _joined(manifest: Manifest, source: Results) -> Manifest:
-    """The manifest with all that a source has been asked for, of each evaluation the most episodes.
+    """The manifest extended by that of a source; of each evaluation, the most episodes count.
 
     Raises:
         InputError: see `merge`.
@@ -51,8 +51,8 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
         if not alike or fits.get(wanted.fit.label, wanted.fit) != wanted.fit:
             raise InputError(
                 f"{source.folder} holds other results of {wanted.fit.label} than a folder before"
-                " it: of another version, config, controller or set of demonstrations, or"
-                " pinned and unpinned (see bench doctor); merge what was run alike"
+                " it: the version, config, controller or demonstrations differ, or the kernels are"
+                " pinned in one alone (see bench doctor); merge only results with the same settings"
             )
         most.append(replace(wanted, episodes=max(wanted.episodes, known.episodes)))
     joined = manifest.extended(most)
@@ -60,7 +60,7 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
 
 
 def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
-    """Copies an evaluation with its fit and controller, unless they are there."""
+    """Copies an evaluation, its fit and its controller, unless they are stored already."""
     there, fit, controller = writer.results, wanted.fit, wanted.controller
     difference = first_difference(there, source, wanted)
     if difference:

@@ -1,6 +1,6 @@
-"""What a results folder still lacks: the one answer, for `bench run`, `plan` and `status`.
+"""Finds what a results folder still lacks, for `bench run`, `plan` and `status` alike.
 
-Whatever is stored counts only if it is undamaged.
+Stored results count only if they are undamaged.
 """
 
 from collections.abc import Iterable, Mapping, Set
@@ -13,17 +13,17 @@ from tasks.simulator import CHUNK
 
 
 class Gap(NamedTuple):
-    """The episodes that are missing of an evaluation."""
+    """The missing episodes of an evaluation."""
 
     kept: int
-    """Stored episodes that stay: whole chunks."""
+    """Stored episodes that are kept: whole chunks."""
     wanted: int
-    """Episodes that there will be."""
+    """Episodes after the gap is filled."""
 
 
 @dataclass(frozen=True)
 class Missing:
-    """What is missing, by keys."""
+    """Missing results, by key."""
 
     controllers: frozenset[str]
     fits: frozenset[str]
@@ -36,13 +36,13 @@ class Missing:
         return sum(gap.wanted - gap.kept for gap in self.evaluations.values())
 
     def without(self, keys: Set[str]) -> "Missing":
-        """Returns the rest of it."""
+        """Returns the missing results without those of some keys."""
         evaluations = {key: gap for key, gap in self.evaluations.items() if key not in keys}
         return Missing(self.controllers - keys, self.fits - keys, evaluations)
 
 
 def find_missing(results: Results, wanted: Iterable[Wanted]) -> Missing:
-    """Returns what is missing of the evaluations that are wanted, and of what they need."""
+    """Returns which evaluations, and which fits and controllers that they need, are missing."""
     by_key: dict[str, Wanted] = {}
     for one in wanted:
         known = by_key.setdefault(one.evaluation.key, one)

@@ -1,16 +1,16 @@
-"""Names of stored results, and where they lie in a results folder.
+"""Names of stored results, and their places in a results folder.
 
 A results folder holds::
 
-    study.json                  the manifest: what studies have asked for
+    study.json                  the manifest: which evaluations studies have requested
     cells/<label>-<key>/        one fit
-        fit.json                what it is, its times, host, versions, and SHA-256 of two files:
-        weights.safetensors     what it learnt
+        fit.json                its fields, times, host, versions, and SHA-256 of two files:
+        weights.safetensors     its learnt parameters
         diagnostics.safetensors
         eval-<split>-<physics>-<controller>-<rule>.parquet  one row an episode
-        times.json              how long the fit takes with the machine to itself
+        times.json              its CPU seconds, measured by `bench time`
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
-    failures/                   why there is no result yet, one file each
+    failures/                   one file for each failed job, with the reason
     damaged/                    files set aside: damaged, or of another version
 """
 
@@ -21,16 +21,16 @@ from typing import Any, Protocol
 
 KEY_DIGITS = 12
 CONDITIONS = ("split", "physics", "controller", "rule")
-"""The fields that tell the evaluations of a fit apart."""
+"""The fields that distinguish the evaluations of a fit."""
 MANIFEST = "study.json"
 
 
 class Named(Protocol):
-    """What has a label for people to read, and a key that only it has."""
+    """Something with a readable label and a unique key."""
 
     @property
     def label(self) -> str:
-        """A part of a file's name."""
+        """A readable name, part of file names."""
 
     @property
     def key(self) -> str:
@@ -67,6 +67,6 @@ def controller_path(results: Path, controller: Named) -> Path:
 
 
 def failure_path(results: Path, label: str) -> Path:
-    """Returns the file that says why a result is missing."""
+    """Returns the file of the failure of a job."""
     digest = hashlib.sha256(label.encode()).hexdigest()
     return results / "failures" / f"{digest[:KEY_DIGITS]}.json"

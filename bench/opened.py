@@ -1,4 +1,4 @@
-"""Results opened in Python: tables of evaluations and episodes, fitted methods, single episodes."""
+"""Results in Python: tables of evaluations and episodes, fitted methods, single episodes."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 
 
 class Opened:
-    """A results folder, opened to read. Nothing is written to it, nor kept open."""
+    """A results folder, opened for reading. Nothing is written, and no file stays open."""
 
     def __init__(self, folder: str | Path | None = None) -> None:
         """Opens results.
 
         Args:
-            folder: of `bench run` or `bench pack`. Default: the shipped results.
+            folder: results folder of `bench run` or `bench pack`. Default: the shipped results.
 
         Raises:
             InputError: the folder holds no results.
         """
         given = shipped() if folder is None else path_of("folder", folder)
         self.folder: Path = results_folder(given, packed=True)
-        """Where the results are."""
+        """The results folder."""
         self._source = open_results(self.folder)
 
     def __repr__(self) -> str:
@@ -54,24 +54,25 @@ class Opened:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the results must know, such as a reduced protocol."""
+        """Notes that a reader of the results needs, such as about a reduced protocol."""
         return self._source.notes()
 
     def methods(self, task: str, *, seed: int | None = None, size: str | None = None) -> Methods:
         """Returns the fitted methods of a task by name, as described in the paper.
 
-        Each is loaded when it is asked for by name, with what it learnt from the most
-        demonstrations. A method of a package is imported into this very process then.
+        A method is loaded when it is looked up by name. If it was fitted to several numbers of
+        demonstrations, the fit to the most is loaded. The look-up of a package's method imports it
+        into this process.
 
         Args:
             task: name of a task.
-            seed: of the fit. Default: the lowest that is stored.
-            size: of the model. Default: the one that does best from validation starts.
+            seed: seed of the fit. Default: the lowest that is stored.
+            size: size of the model. Default: the one with most success from validation starts.
 
         Raises:
             InputError: the results hold no fits of that task, or are packed, without fits.
         """
-        from bench.fitted import Methods  # needs MuJoCo, which tables do without
+        from bench.fitted import Methods  # imports MuJoCo, which tables do not need
 
         if is_packed(self.folder):
             raise InputError(
@@ -83,16 +84,17 @@ class Opened:
     def failures(
         self, task: str, method: str, split: str = "test", seed: int | None = None
     ) -> pd.DataFrame:
-        """Returns the episodes where a method fails, one row each, and how it fails.
+        """Returns the failed episodes of a method, one row each, with how they failed.
 
-        Columns: ``start`` its index, ``seed``, ``split``, ``mode`` how it fails (None in packed
-        results, which hold no fits to replay), the numbers of the start, and ``steps``.
+        Columns: ``start`` (index of the start), ``seed``, ``split``, ``mode`` (how the episode
+        failed; None in packed results, which hold no fits to replay), the values of the start, and
+        ``steps``.
 
         Args:
             task: name of a task.
             method: name of a method with results of that task.
-            split: where the starts are from: ``test``, or ``ood``.
-            seed: of the fit. Default: all.
+            split: ``test`` or ``ood`` (out of distribution).
+            seed: seed of the fit. Default: all.
 
         Raises:
             InputError: there are no such results.
@@ -108,18 +110,18 @@ class Opened:
         joints: Sequence[str] | None = None,
         seed: int | None = None,
     ) -> Figure:
-        """Returns a figure of an episode's joints over time: predicted, tracked, demonstrated.
+        """Returns a figure of an episode's joints over time: predicted, tracked and demonstrated.
 
         Args:
             task: name of a task.
             method: name of a method with results of that task.
             start: index of a start of ``test``.
-            joints: names of joints, such as ``ARRx``. Default: the three that turn most.
-            seed: of the fit. Default: the lowest that is stored.
+            joints: names of joints, such as ``ARRx``. Default: the three that move most.
+            seed: seed of the fit. Default: the lowest that is stored.
 
         Raises:
-            InputError: there are no such results, start or joint; or the results are packed, and
-                hold no fits.
+            InputError: there are no such results, start or joint, or the results are packed,
+                without fits.
         """
         frame = view("motions")(self.folder, task, method, start, seed=seed)
         figure: Figure = view("draw_motion")(frame, joints)

@@ -16,18 +16,17 @@ TaskName = Annotated[str, typer.Argument(help="Name of a task, such as door; see
 Jobs = Annotated[
     int | None,
     typer.Option(
-        help="Processes at a time; -1 for one on each core. Default: BENCH_JOBS, else one on each"
-        " core."
+        help="Parallel processes; -1 for one per core. Default: BENCH_JOBS, else one per core."
     ),
 ]
 
 
 def number(least: int, text: str) -> Any:
-    """Returns an option that takes a whole number, see `bench.parsing.whole_number`.
+    """Returns a typer option that takes a whole number, see `bench.parsing.whole_number`.
 
     Args:
         least: the smallest number allowed.
-        text: its help.
+        text: help text of the option.
     """
 
     def parse(given: Any) -> int:
@@ -40,11 +39,11 @@ def number(least: int, text: str) -> Any:
 
 
 def results_folder(folder: Path, packed: bool = False) -> Path:
-    """Returns a folder once it is known that it holds results. Makes nothing.
+    """Returns a results folder after checking that it holds results. Creates nothing.
 
     Args:
         folder: of `bench run`.
-        packed: whether one of `bench pack` will do too.
+        packed: whether a folder of `bench pack` is accepted too.
 
     Raises:
         InputError: it does not exist, is a file, or holds no results of that kind.

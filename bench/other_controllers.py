@@ -1,4 +1,4 @@
-"""Refuse to replace evaluations whose controller was trained with other settings."""
+"""Refuses to replace evaluations whose controller was trained with other settings."""
 
 import json
 from collections.abc import Iterable
@@ -39,10 +39,10 @@ def check_controllers(results: Results, cells: Iterable[Cell]) -> None:
 
 
 def _differences(results: Results, key: str, asked: ControllerSpec) -> list[str]:
-    """The settings in which the stored controller of a key differs from one asked for."""
+    """The settings in which the stored controller of a key differs from the requested one."""
     stored, wanted = results.controller_spec(key), json.loads(json.dumps(asdict(asked)))
     return [
-        f"its {name} {stored.get(name)}, asked for {wanted[name]}"
+        f"its {name} {stored.get(name)}, requested {wanted[name]}"
         for name in SETTINGS
         if stored.get(name) != wanted[name]
     ]

@@ -1,14 +1,12 @@
-"""Results in a small form that can be shipped: what the exhibits need, and no weights.
+"""Packed results: a small form to share, with what exhibits need and without weights.
 
-A folder holds::
+`bench pack` writes a folder with these files::
 
-    evaluations.parquet      one row each, see `bench.source.Source.frame`
-    episodes.parquet         evaluation (its row above), start, success, diverged, steps
-    diagnostics.safetensors  of each fit those that exhibits show, under "<folder>/<name>"
-    provenance.json          notes for readers, of each fit its times, host and versions, and by
-                             key the fields of controllers
-
-`bench pack` writes it.
+    evaluations.parquet      a row for each evaluation, see `bench.source.Source.frame`
+    episodes.parquet         evaluation (number of its row above), start, success, diverged, steps
+    diagnostics.safetensors  diagnostics that exhibits show, as "<folder of the fit>/<name>"
+    provenance.json          notes for readers; times, host and versions of fits; fields of
+                             controllers by key
 """
 
 from __future__ import annotations
@@ -36,13 +34,13 @@ if TYPE_CHECKING:
     from methods.base import Parameters
 
 SHIPPED = Path(__file__).parents[1] / "reports" / "reference"
-"""The folder of the results that are shipped."""
+"""Folder of the shipped results."""
 SHOWN = ("eigenvalues", "imitation_error")
 """The diagnostics that exhibits show."""
 
 
 def open_results(folder: Path) -> Source:
-    """Returns the results in a folder of `bench run` or `bench pack`."""
+    """Returns the results of a folder of `bench run` or `bench pack`."""
     return Packed(folder) if is_packed(folder) else Results(folder)
 
 
@@ -50,7 +48,7 @@ def shipped() -> Path:
     """Returns the folder of the shipped results.
 
     Raises:
-        InputError: none are.
+        InputError: this version ships none.
     """
     if not is_packed(SHIPPED):
         raise InputError("no reference results are shipped with this version")
@@ -58,12 +56,12 @@ def shipped() -> Path:
 
 
 def is_packed(folder: Path) -> bool:
-    """Whether a folder holds results in the small form."""
+    """Whether a folder holds packed results."""
     return (folder / "evaluations.parquet").exists()
 
 
 class Packed:
-    """Packed results, to read."""
+    """Packed results, for reading."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -78,7 +76,7 @@ class Packed:
         return self._episodes[self._places[place]].reset_index(drop=True)
 
     def readings(self, row: Mapping[str, Any]) -> None:
-        """Returns None: they are not packed."""
+        """Returns None: readings are not packed."""
 
     def diagnostics(self, folder: str) -> Parameters:
         """See `bench.source.Source.diagnostics`."""
@@ -130,14 +128,14 @@ class Packed:
 
 
 def pack(folders: Sequence[Path], out: Path) -> None:
-    """Writes results in the packed form, those of several folders as one.
+    """Packs the results of one or several folders into one.
 
     Args:
-        folders: of `bench run` or `bench pack`.
-        out: where the files go, made if needed; it may be one of the folders.
+        folders: folders of `bench run` or `bench pack`.
+        out: folder of the packed results, created if needed; it may be one of the folders.
 
     Raises:
-        InputError: a folder holds no results, or others than a folder before it.
+        InputError: a folder holds no results, or results that differ from another folder's.
     """
     import pandas as pd
 
@@ -165,7 +163,7 @@ def pack(folders: Sequence[Path], out: Path) -> None:
     }
     table = frame.assign(config=frame.config.map(json.dumps))
     out.mkdir(parents=True, exist_ok=True)
-    # Written elsewhere first: what is in out may be the only copy of a part.
+    # Written elsewhere first, since out may hold the only copy of some results.
     with TemporaryDirectory(dir=out) as place:
         new = Path(place)
         episodes.to_parquet(new / "episodes.parquet", index=False, compression="zstd")

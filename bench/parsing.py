@@ -1,4 +1,4 @@
-"""Parses values of a command line: lists of names, whole numbers, seeds and settings."""
+"""Parses values of the command line: lists of names, whole numbers, seeds and settings."""
 
 import json
 import re
@@ -9,7 +9,7 @@ from typing import Any
 from tasks.errors import InputError, unknown_name
 
 LARGEST = 999_999_999
-"""The largest whole number that an option takes."""
+"""Largest whole number that an option accepts."""
 MOST_SEEDS = 10_000
 _SEEDS = re.compile(r"([0-9]{1,9})(?:\s*-\s*([0-9]{1,9}))?")
 _WHOLE = re.compile(r"[+-]?[0-9]+(_[0-9]+)*")
@@ -21,11 +21,11 @@ def names(option: str, text: str) -> tuple[str, ...]:
     Spaces around a name and empty entries are ignored.
 
     Args:
-        option: named in the message, such as ``--tasks``.
+        option: name for the message, such as ``--tasks``.
         text: the list.
 
     Raises:
-        InputError: it holds no name.
+        InputError: the list is empty.
     """
     found = dict.fromkeys(name for part in text.split(",") if (name := part.strip()))
     if not found:
@@ -34,16 +34,16 @@ def names(option: str, text: str) -> tuple[str, ...]:
 
 
 def known_names(option: str, kind: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
-    """Returns the names in a comma-separated list, in the order in which they are known.
+    """Returns the names in a comma-separated list, each once, in the order of the known names.
 
     Args:
         option: see `names`.
-        kind: of what is named, for the message, such as ``task``.
+        kind: kind of the names for the message, such as ``task``.
         text: see `names`.
-        known: the names that exist.
+        known: the valid names.
 
     Raises:
-        InputError: a name does not exist, or see `names`.
+        InputError: the list is empty, or a name does not exist.
     """
     found, allowed = names(option, text), list(known)
     for name in found:
@@ -53,7 +53,7 @@ def known_names(option: str, kind: str, text: str, known: Iterable[str]) -> tupl
 
 
 def whole_number(text: str, least: int) -> int:
-    """Returns a whole number that is written as 10000, 10_000 or 1e4.
+    """Parses a whole number written as 10000, 10_000 or 1e4.
 
     Raises:
         InputError: it is not a whole number from ``least`` to `LARGEST`.
@@ -62,7 +62,7 @@ def whole_number(text: str, least: int) -> int:
         value = Decimal(text)
     except InvalidOperation:
         value = Decimal("NaN")
-    # Compared first: a number with a huge exponent must not be written out.
+    # Compared before int(), which would write out a huge exponent.
     if not (value.is_finite() and least <= value <= LARGEST and value == int(value)):
         raise InputError(
             f"must be a whole number from {least} to {LARGEST:,}, written as 10000, 10_000 or 1e4;"
@@ -72,12 +72,13 @@ def whole_number(text: str, least: int) -> int:
 
 
 def seeds(text: str) -> tuple[int, ...]:
-    """Returns seeds, each once, in the order given.
+    """Parses seeds; returns each once, in the order given.
 
-    ``5`` means seeds 1 to 5, ``2,4`` those two, ``7,`` seed 7 alone, ``1-3,7`` seeds 1, 2, 3 and 7.
+    ``5`` means seeds 1 to 5, ``2,4`` seeds 2 and 4, ``7,`` seed 7 alone, ``1-3,7`` seeds 1 to 3
+    and 7.
 
     Raises:
-        InputError: the text has another form, names no seed, or more than `MOST_SEEDS`.
+        InputError: the text has another form, or names no seed or more than `MOST_SEEDS`.
     """
     parts = [part.strip() for part in text.split(",") if part.strip()]
     if "," not in text and text.strip().isdecimal():
@@ -88,7 +89,7 @@ def seeds(text: str) -> tuple[int, ...]:
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
         if not 1 <= first <= last:
             raise InputError(
-                "--seeds takes a number of seeds (5), seeds from 1 (2,4 or 7,) or ranges of them"
+                "--seeds takes a number of seeds (5), a list of seeds (2,4 or 7,) or ranges"
                 f" (1-3,7), got {text!r}"
             )
         if len(found) + last - first >= MOST_SEEDS:
@@ -98,11 +99,11 @@ def seeds(text: str) -> tuple[int, ...]:
 
 
 def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], Any]:
-    """Returns values by method and field.
+    """Parses settings; returns values by method and field.
 
     Args:
-        given: values by ``METHOD.FIELD``, or texts ``METHOD.FIELD=VALUE``. There a value is read as
-            JSON or as a whole number like 10_000, and is a text otherwise.
+        given: values by ``METHOD.FIELD``, or texts ``METHOD.FIELD=VALUE``. A VALUE that is neither
+            JSON nor a whole number like 10_000 is kept as text.
 
     Raises:
         InputError: a setting has another form.
@@ -117,7 +118,7 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], 
 
 
 def _place(place: str, text: str) -> tuple[str, str]:
-    """The method and the field of ``METHOD.FIELD``. The message shows the text."""
+    """The method and the field of ``METHOD.FIELD``; errors quote the text."""
     method, _, field = (part.strip() for part in place.partition("."))
     if not (method and field):
         raise InputError(f"--set takes METHOD.FIELD=VALUE, such as nn.epochs=50, got {text!r}")
@@ -125,7 +126,7 @@ def _place(place: str, text: str) -> tuple[str, str]:
 
 
 def scalar(text: str) -> Any:
-    """Parses JSON or a whole number; returns any other text as it is."""
+    """Parses JSON or a whole number; returns any other text unchanged."""
     try:
         return json.loads(text)
     except ValueError:

@@ -1,8 +1,8 @@
-"""What a study will cost: its missing results, and the time, memory and disk that they need.
+"""Estimates what a study costs: its missing results, and the time, memory and disk they need.
 
 Costs are those of `bench.costs`, times the factor of this machine, which a short calibration
-measures. The table lacks methods of packages: a fit of each to a few demonstrations, for an epoch
-or two, is measured here and now. All measurements are of CPU time, which other work hardly affects.
+measures. The table of costs has no methods of packages. For these, a fit to a few demonstrations
+over one or two epochs is measured each time. Measured is CPU time, which other work hardly affects.
 """
 
 import os
@@ -39,16 +39,16 @@ from tasks.registry import get_task
 from tasks.words import count_of
 
 BYTES_PER_STEP = 4
-"""Of a stored episode: one reading after each control step."""
+"""Bytes that an episode stores for each control step: one reading."""
 BYTES_PER_FIT = 5_000_000
-"""About the largest there is, K of 763 observables."""
+"""Bytes of a stored fit, about those of the largest: K of 763 observables."""
 GIB_PER_JOB = 1.5
-"""Memory of a job with the largest fits."""
+"""Memory of a job with the largest fits, in GiB."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study will cost on this machine."""
+    """The cost of a study on this machine."""
 
     cells: int
     missing_controllers: int
@@ -56,37 +56,36 @@ class Plan:
     missing_evaluations: int
     missing_episodes: int
     cpu_hours: float
-    """Of one core, by the calibration."""
+    """Hours of one core."""
     wall_hours: float
-    """With the jobs at a time that were asked about."""
+    """Hours with the given number of parallel jobs."""
     longest_hours: float
-    """Of the longest chain of jobs of which each needs the one before: no run is faster."""
+    """Hours of the longest chain of jobs in which each needs the previous one: a lower bound."""
     memory_gib: float
     disk_gib: float
     free_gib: float
 
     def check(self) -> None:
-        """Raises InputError if memory or disk will not suffice."""
+        """Raises InputError if memory or disk does not suffice."""
         if self.disk_gib > self.free_gib:
             raise InputError(
-                f"the results take about {self.disk_gib:.1f} GiB, and {self.free_gib:.1f} GiB are"
-                " free: choose fewer episodes, or another folder"
+                f"the results take about {self.disk_gib:.1f} GiB, but only {self.free_gib:.1f} GiB"
+                " are free: choose fewer episodes, or another folder"
             )
         if self.memory_gib > total_memory():
             raise InputError(
-                f"the jobs take about {self.memory_gib:.1f} GiB of memory, and this machine has"
+                f"the jobs take about {self.memory_gib:.1f} GiB of memory, but this machine has"
                 f" {total_memory():.1f}: choose fewer with --jobs"
             )
 
 
 def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
-    """Returns what a study will cost, given what its results folder already holds."""
+    """Returns the cost of a study, without the results that its folder already holds."""
     with introduced() as introduce:
         return _priced(_with_usable_methods(study, introduce), folder, jobs)
 
 
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
-    say("listing what is missing")
     results = Results(folder)
     agenda = make_agenda(study, demos_keys_of(study), results)
     queue = queue_of(agenda, results, jobs)
@@ -115,7 +114,7 @@ def _priced(study: Study, folder: Path, jobs: int) -> Plan:
 
 
 def queue_of(agenda: Agenda, results: Results, workers: int) -> JobQueue:
-    """Returns the jobs of a run. Controllers that need no training have none."""
+    """Returns the jobs of a run. A controller that is trained already needs no job."""
     missing = find_missing(results, [cell.wanted for cell in agenda.cells])
     controllers = [cell.controller for cell in agenda.cells if cell.controller]
     ready = {spec.key for spec in controllers if spec.key in missing.controllers and trained(spec)}
@@ -151,7 +150,7 @@ def _with_usable_methods(study: Study, introduce: Callable[[type[Method]], None]
 
 
 def free_disk(folder: Path) -> tuple[Path, float]:
-    """Returns what there is of the path to a folder, and what is free there [GiB]."""
+    """Returns the existing part of the path to a folder, and the free disk space there [GiB]."""
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     return there, shutil.disk_usage(there).free / 2**30
 
@@ -163,14 +162,14 @@ def total_memory() -> float:
 
 # Calibration
 def blocks_seconds(blocks: Sequence[Sequence[Fit]], costs: Sequence[float]) -> list[float]:
-    """Returns the seconds of each block of fits; those of packages are measured.
+    """Returns the seconds of each block of fits. Methods of packages are measured.
 
-    Fits of a method that fails in the calibration cost the mean of the other fits; a line on stderr
-    says so.
+    Fits of a method that fails in the calibration are assumed to cost the mean of the other fits; a
+    line on stderr says so.
 
     Args:
-        blocks: what one job does each.
-        costs: the seconds of blocks of this suite's methods; others are not looked at.
+        blocks: the fits of each job.
+        costs: seconds of each block, used for this suite's methods only.
     """
     known = {i: costs[i] for i, fits in enumerate(blocks) if fits[0].method in SUITE}
     failed: dict[str, str] = {}
@@ -188,24 +187,24 @@ def blocks_seconds(blocks: Sequence[Sequence[Fit]], costs: Sequence[float]) -> l
 
 
 def fits_seconds(fits: Sequence[Fit]) -> float:
-    """Returns the CPU seconds of fits of a package's method that differ in their seeds alone.
+    """Returns the CPU seconds of fits of a package's method that differ only in their seeds.
 
-    They grow in proportion to demonstrations and epochs.
+    The seconds are assumed proportional to demonstrations and epochs.
     """
     one = fits[0]
-    say(f"measuring what a fit of {one.method} ({one.size}) on {one.task} costs")
+    say(f"measuring the cost of a fit of {one.method} ({one.size}) on {one.task}")
     unit = _unit_seconds(one.task, one.method, one.variant, one.size, len(fits))
     return JOB_SECONDS + unit * one.demos * float(one.config.get("epochs", 1))
 
 
 @cache
 def _unit_seconds(task_name: str, method: str, variant: str, size: str, seeds: int) -> float:
-    """The seconds of fits for each demonstration and epoch."""
+    """Seconds of the fits for each demonstration and epoch."""
     return float(apart(_measured, task_name, method, variant, size, seeds))
 
 
 def _measured(task_name: str, method: str, variant: str, size: str, seeds: int) -> float:
-    """Fits 16 demonstrations for two epochs."""
+    """The same, measured with 16 demonstrations and two epochs."""
     from methods.registry import get_method
 
     config = shortened(config_of(get_method(method, variant), size, variant), 2)

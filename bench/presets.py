@@ -1,4 +1,4 @@
-"""Presets: studies with a name, which say what runs and with how many episodes."""
+"""Presets: named studies, which say what a run computes and with how many episodes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from tasks.registry import TASKS
 
 @dataclass(frozen=True)
 class Study:
-    """What a run computes. `bench.experiments` turns it into cells."""
+    """The settings of a run. `bench.experiments` turns them into cells."""
 
     episodes: Mapping[str, int]
     """By experiment, the episodes of each evaluation. Only the experiments named here run."""
@@ -21,8 +21,8 @@ class Study:
     expert: bool = True
     """Whether the expert is evaluated too."""
     sizes: tuple[str, ...] | None = None
-    """Sizes that the experiment ``sizes`` compares; ``smallest`` names the first of each method. A
-    method that has none of them is compared at all its sizes. Default: all."""
+    """Sizes that the experiment ``sizes`` compares; ``smallest`` is the first size of each method.
+    A method that has none of these sizes is compared at all its sizes. Default: all."""
     variants: tuple[str, ...] | None = None
     """Variants that the experiment ``audit`` compares. Default: all."""
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
@@ -35,7 +35,7 @@ class Study:
     """By method and field of its config, values that replace the config's own."""
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     note: str = ""
-    """What a reader of the tables needs to know."""
+    """A note for readers of the tables."""
 
 
 def get_preset(name: str) -> Study:

@@ -1,9 +1,9 @@
-"""Whether an expert's demonstrations can be imitated: two probes to pass before it is shipped.
+"""Measures how well an expert's demonstrations can be imitated, before the expert is shipped.
 
-(a) The controller, trained on the training demonstrations, tracks the recorded motions of the
-validation demonstrations: what remains of their success is what any perfect method could have.
-(b) KODex, fitted to the training demonstrations, on starts of ``probe``. It is a floor to pass,
-never a way to rank experts.
+There are two probes. (a) The controller, trained on the training demonstrations, tracks the
+recorded motions of the validation demonstrations. Its success is what a perfect method could reach.
+(b) KODex, fitted to the training demonstrations, runs from the starts of ``probe``. Its success is
+a minimum to pass, and does not rank experts.
 """
 
 from typing import Any
@@ -24,7 +24,7 @@ from tasks.words import count_of
 
 
 class Recorded(MotionMethod):
-    """Answers a start with the demonstration that began there."""
+    """Predicts the recorded demonstration that began at the start."""
 
     name = "recorded"
 
@@ -40,24 +40,24 @@ class Recorded(MotionMethod):
         return self._states[apart.argmin(axis=1), : steps + 1]
 
     def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
-        """Has nothing to learn."""
+        """Does nothing: there is nothing to learn."""
 
     def parameters(self) -> Parameters:
-        """Has learnt nothing."""
+        """Returns no parameters: nothing is learnt."""
         return {}
 
     def load(self, parameters: Parameters) -> None:
-        """Has nothing to take."""
+        """Does nothing: there are no parameters."""
 
 
 def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -> dict[str, Any]:
-    """Returns both probes' success of an expert, and how rough its demonstrations are.
+    """Returns the success of both probes of an expert, and how rough its demonstrations are.
 
     Args:
-        task: what the expert does.
-        expert: who demonstrates.
-        episodes: starts of ``probe`` for (b).
-        config: how the controller is trained.
+        task: the task.
+        expert: the policy that demonstrates.
+        episodes: number of starts of ``probe`` for (b).
+        config: training settings of the controller.
     """
     say(f"recording demonstrations of {task.name}")
     demos = make_demos(task, expert, TRAINING + VALIDATION)

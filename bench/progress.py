@@ -1,4 +1,4 @@
-"""How far a run is: a live display on a terminal, plain lines elsewhere, and a file for others."""
+"""Shows the progress of a run: live on a terminal, as plain lines elsewhere, and in a file."""
 
 import sys
 import threading
@@ -15,15 +15,15 @@ from bench.job_queue import Job
 from bench.run_state import StateFile
 
 EVERY = 30.0
-"""Seconds between two plain lines."""
+"""Seconds between two lines where stderr is no terminal."""
 SHOWN = 1.0
-"""Seconds for which a terminal shows the same lines."""
+"""Seconds between two updates of a terminal."""
 SAVED = 10.0
-"""Seconds between two states in the file while nothing happens."""
+"""Seconds between two updates of the file while no job starts or ends."""
 
 
 class Progress:
-    """Shows the clock of a run while its jobs are done. A context manager.
+    """Shows the clock of a run while its jobs run. A context manager.
 
     Its methods may be called from several threads.
     """
@@ -32,10 +32,10 @@ class Progress:
         """Shows nothing until `begin`.
 
         Args:
-            title: of the run, for people to read.
-            clock: what is shown.
-            file: gets the state of the clock, each second at most.
-            now: the time of the clock.
+            title: title of the run.
+            clock: the clock to show.
+            file: receives the state of the clock, at most once a second.
+            now: returns the current time of the clock.
         """
         self._title, self._clock, self._file, self._now = title, clock, file, now
         self._lock = threading.RLock()
@@ -68,7 +68,7 @@ class Progress:
             self._keep(ended=True)
 
     def begin(self) -> None:
-        """Shows the clock from now on, if there is anything to do."""
+        """Starts showing the clock, if there are jobs."""
         if self._clock.over:
             return
         self._begun = True
@@ -108,7 +108,7 @@ class Progress:
         with self._lock:
             self._news, self._saved = False, self._now()
             state = self._clock.state(self._now())
-        with suppress(OSError):  # the run itself will say that the disk is full
+        with suppress(OSError):  # the run itself reports a full disk
             self._file.write(state, ended)
 
     def _say(self) -> None:

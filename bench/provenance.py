@@ -1,4 +1,4 @@
-"""When, where and with which software a result was made: stored beside it, not part of its key."""
+"""When, where and with which software a result was made. It is stored, but not part of keys."""
 
 import platform
 import time
@@ -13,7 +13,7 @@ LIBRARIES = ("kodex-bench", "mujoco", "numpy", "scipy", "torch")
 
 
 def provenance(seconds: float) -> dict[str, Any]:
-    """Returns the facts about a result that took so many CPU seconds."""
+    """Returns the facts about a result, including the CPU seconds that it took."""
     name, _ = processor()
     return {
         "seconds": round(seconds, 3),

@@ -1,4 +1,4 @@
-"""Record demonstrations of a policy of one's own, which runs in processes of their own."""
+"""Records demonstrations of a user's policy, which runs in separate processes."""
 
 import os
 import sys
@@ -19,21 +19,21 @@ from tasks.simulator import Simulator
 from tasks.words import count_of
 
 Attempt = tuple[BoolArray, Demos]
-"""From which starts (B,) the policy succeeded, and what it did there."""
+"""Whether the policy succeeded from each start (B,), and its successful episodes."""
 
 
 def record_policy(
     task: str, place: str, count: int, tell: Callable[[str], None]
 ) -> tuple[BoolArray, Demos]:
-    """Returns from which starts tried (B,) a policy succeeded, and its first demonstrations.
+    """Returns whether a policy succeeded from each start tried (B,), and its demonstrations.
 
-    It starts anew for each block of starts, in a process of its own.
+    Each block of starts has its own process, which loads the policy again.
 
     Args:
         task: name of a task.
-        place: of the policy, ``FILE.py:NAME`` or ``MODULE:NAME``, see `load_policy`.
-        count: how many demonstrations.
-        tell: takes lines that say how far it is.
+        place: where the policy is, ``FILE.py:NAME`` or ``MODULE:NAME``, see `load_policy`.
+        count: number of demonstrations.
+        tell: is called with lines about the progress.
 
     Raises:
         InputError: the policy cannot be used, or succeeds from fewer than one start in ten.
@@ -59,7 +59,7 @@ def _attempt_apart(task: str, place: str, starts: Starts) -> Attempt:
 
 
 def _attempt(task: str, place: str, starts: Starts, folder: str) -> Attempt | Failure:
-    """Records from a block of starts, in the folder that the command was called in."""
+    """Records episodes from a block of starts, in the working folder of the command."""
     os.chdir(folder)
     try:
         return record(get_task(task), starts, OwnPolicy(place, load_policy(place)))
@@ -68,7 +68,7 @@ def _attempt(task: str, place: str, starts: Starts, folder: str) -> Attempt | Fa
 
 
 def check_place(place: str) -> None:
-    """Raises InputError unless a place is written as one, and its file exists."""
+    """Raises InputError unless a place has the form of `load_policy` and its file exists."""
     source, _, name = place.rpartition(":")
     if not source or not name.isidentifier():
         raise InputError(
@@ -79,11 +79,11 @@ def check_place(place: str) -> None:
 
 
 def load_policy(place: str) -> Any:
-    """Returns the object of a place; imports the code there, and so is for processes of their own.
+    """Returns the policy at a place. Imports its code, so call it in a separate process.
 
     Args:
-        place: ``FILE.py:NAME``, or ``MODULE:NAME`` of an installed module. The name is that of a
-            function, of an object, or of a class that is made without arguments.
+        place: ``FILE.py:NAME``, or ``MODULE:NAME`` of an installed module. NAME is a function, an
+            object, or a class whose constructor needs no arguments.
 
     Raises:
         InputError: the module cannot be imported, or has no policy of that name.
@@ -101,13 +101,13 @@ def load_policy(place: str) -> Any:
     if not (callable(policy) or callable(getattr(policy, "act", None))):
         raise InputError(
             f"{place} is a {type(policy).__name__}: a policy is a function act(state, t), or an"
-            " object with such a method"
+            " object with a method act"
         )
     return policy
 
 
 def _module_of(file: Path) -> Any:
-    """The module of a file, which may import its neighbours."""
+    """The module of a file, which may import modules of its folder."""
     sys.path.insert(0, str(file.absolute().parent))
     spec = spec_from_file_location(file.stem, file)
     assert spec is not None
@@ -119,14 +119,14 @@ def _module_of(file: Path) -> Any:
 
 
 class OwnPolicy:
-    """A policy of a user's, which sees states and time steps alone."""
+    """A user's policy, which gets only states and time steps."""
 
     def __init__(self, place: str, policy: Any) -> None:
         self._place, self._policy = place, policy
         self._act = getattr(policy, "act", policy)
 
     def reset(self, simulator: Simulator) -> None:
-        """Tells the policy where the episodes begin, if it wants to know."""
+        """Passes the first states to the policy, if it has a method ``reset``."""
         if hasattr(self._policy, "reset"):
             self._policy.reset(simulator.state())
 
@@ -134,7 +134,7 @@ class OwnPolicy:
         """Returns the policy's actions (B, A).
 
         Raises:
-            InputError: they are no finite numbers of that shape.
+            InputError: they have another shape, or are not finite.
         """
         what = f"what {self._place} returns at t = {step}"
         actions = real(what, self._act(simulator.state(), step))

@@ -1,4 +1,4 @@
-"""What a reader of results must know of answers of a method that were not finite numbers."""
+"""Remarks on results in which a method's answers were not finite."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ def who_answers(method: str, variant: str, task: str, seeds: Sequence[int]) -> s
 
 
 def remarks(results: "Results") -> list[str]:
-    """Returns a line for each method and task with such answers in what the study asks for.
+    """Returns a line for each method and task with such answers in the requested evaluations.
 
     For example ``badact on door, seed 1: act returned NaN or inf for 17 of 20 starts, first at
     t=30; these episodes diverge there, which is a failure``. Evaluations and seeds are added up.
@@ -33,7 +33,7 @@ def remarks(results: "Results") -> list[str]:
 
 @dataclass(frozen=True)
 class _Said:
-    """Of one evaluation: of how many of its episodes answers were not finite, and from when on."""
+    """The episodes of one evaluation in which answers were not finite, and their first step."""
 
     seed: int
     starts: int

@@ -1,6 +1,6 @@
-"""Whether MuJoCo can draw on this machine, and how.
+"""Finds out whether and how MuJoCo can draw on this machine.
 
-It reads MUJOCO_GL when it is imported, so that this module does not import it.
+MuJoCo reads MUJOCO_GL when it is imported, so this module does not import it.
 """
 
 import os
@@ -17,8 +17,8 @@ mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8).close()
 def renderer() -> str | None:
     """Returns the value of MUJOCO_GL with which MuJoCo can draw here, or None.
 
-    Where one is set already, no other is tried. A child process tries, since what is amiss with a
-    driver may well end it.
+    If MUJOCO_GL is set, only its value is tried. A child process tries, since a faulty driver may
+    crash it.
     """
     chosen = os.environ.get("MUJOCO_GL")
     for name in (chosen,) if chosen else RENDERERS:

@@ -1,7 +1,6 @@
-"""Replay stored episodes, bit for bit, to see what their files do not hold.
+"""Replays stored episodes bit for bit, to observe what their files do not hold.
 
-A chunk of episodes meets the method as it did in the run, with all its starts; only those asked for
-are simulated.
+The method gets all starts of a chunk, as in the run, but only the chosen episodes are simulated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,15 +32,15 @@ class Replay:
 
     episodes: Episodes
     watched: FloatArray
-    """(B, T-1, W) what the task watches after each control step; NaN after the end."""
+    """(B, T-1, W) readings that the task watches after each control step; NaN after the end."""
     joints: FloatArray
-    """(B, T, H) the hand's joints [rad, m]; NaN after the end."""
+    """(B, T, H) positions of the hand's joints [rad, m]; NaN after the end."""
     planned: FloatArray | None
-    """(B, T, H) the motion that was predicted, of a method that predicts one."""
+    """(B, T, H) the predicted motion; None if the method predicts actions."""
 
 
 class Watcher:
-    """A policy that acts as another does, from some of the starts, and notes what happens."""
+    """A policy that acts like another one from some of the starts, and records what happens."""
 
     def __init__(self, policy: Policy, starts: Sequence[int]) -> None:
         self.policy, self.starts = policy, starts
@@ -68,7 +67,7 @@ class Watcher:
         self._joints.append(batch.qpos[self.rows, : task.robot_dim])
 
     def finish(self, episodes: Episodes) -> Replay:
-        """Returns what was seen, once the episodes of the rollout have ended."""
+        """Returns the recorded episodes, once the rollout has ended."""
         self._note()
         rows, steps = self.rows, self.simulator.task.steps
         chosen = Episodes(
@@ -86,7 +85,7 @@ class Watcher:
 
 
 def _in_full(seen: Sequence[FloatArray], steps: int) -> FloatArray:
-    """What was seen at each moment, (B, steps + 1, ...); NaN where all episodes had ended."""
+    """Records of each moment, (B, steps + 1, ...); NaN once all episodes have ended."""
     found = np.full((len(seen[0]), steps + 1, seen[0].shape[1]), np.nan)
     found[:, : len(seen)] = np.stack(seen, axis=1)
     return found
@@ -95,18 +94,18 @@ def _in_full(seen: Sequence[FloatArray], steps: int) -> FloatArray:
 def replay(
     folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: bool = False
 ) -> Replay:
-    """Returns stored episodes, with what happened in them.
+    """Simulates stored episodes again and returns them with their motions.
 
-    A method of a package runs in a process of its own.
+    A method of a package runs in a separate process.
 
     Args:
-        folder: results of `bench run`.
-        row: of `bench.source.Source.frame`, of the split ``test`` or ``ood``.
-        starts: index of one or more starts.
-        whole: go on after success is decided, which ends a stored episode.
+        folder: results folder of `bench run`.
+        row: a row of `bench.source.Source.frame`, of the split ``test`` or ``ood``.
+        starts: indices of one or more starts.
+        whole: whether to continue after success is decided, which ends a stored episode.
 
     Raises:
-        InputError: a start was not evaluated; the fit is from other demonstrations than this
+        InputError: a start was not evaluated; the fit learnt from other demonstrations than this
             installation makes; or a method of a package cannot be used or fails.
     """
     beyond = [start for start in starts if not 0 <= start < row["episodes"]]
@@ -118,7 +117,7 @@ def replay(
     wanted = [int(start) for start in sorted(starts)]
     if plain(row["method"]) in (EXPERT, *SUITE):
         return _replay(folder, row, wanted, whole)
-    # Another process may be in another folder.
+    # The other process may have another working folder.
     found: Replay = apart(_replay, folder.absolute(), row, wanted, whole)
     return found
 

@@ -1,7 +1,7 @@
-"""Results of `bench run`, read from their folder. Nothing is ever written.
+"""Reads the results of `bench run` from their folder, and never writes.
 
-Every file is checked before it is used. What is damaged is reported once, and counts as not there;
-a fit that is damaged takes its evaluations with it.
+Every file is checked before it is used. A damaged file is reported once and counts as missing. The
+evaluations of a damaged fit count as missing too.
 """
 
 from __future__ import annotations
@@ -45,25 +45,25 @@ from tasks.data import NonFinite
 from tasks.errors import InputError
 from tasks.files import from_bytes
 
-if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
+if TYPE_CHECKING:  # reading results needs neither the methods nor MuJoCo
     import pandas as pd
 
     from methods.base import Parameters
 
 T = TypeVar("T")
 Stamp = tuple[tuple[int, int, int] | None, ...]
-"""What changes when files do."""
+"""Identifies a version of files: it changes when they do."""
 REPORTED: set[tuple[Path, Stamp]] = set()
-"""The damage that this process has reported; it may open a folder several times."""
+"""Damage that this process has reported already; it may open a folder several times."""
 
 
 class Results:
-    """A results folder, as it is at the moment of each call."""
+    """A results folder. Every call reads its present state."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder.absolute()  # wherever this process goes
+        self.folder = folder.absolute()  # the working folder may change
         self.damaged: dict[Path, str] = {}
-        """Files and folders that have been found damaged, and why."""
+        """Files and folders that were found damaged, each with the reason."""
         self._checked: dict[Path, tuple[Stamp, Any]] = {}
 
     def check_exists(self) -> None:
@@ -72,7 +72,7 @@ class Results:
             raise InputError(f"{self.folder} holds no results: bench run writes them there")
 
     def manifest(self) -> Manifest:
-        """Returns what studies have asked for.
+        """Returns the manifest: which evaluations studies have requested.
 
         Raises:
             InputError: the manifest is damaged.
@@ -89,16 +89,16 @@ class Results:
 
     # Fits and controllers
     def has_fit(self, fit: Named) -> bool:
-        """Whether a sound fit is there."""
+        """Whether the fit is stored and undamaged."""
         return self._fit(fit) is not None
 
     def has_controller(self, controller: Named) -> bool:
-        """Whether a sound controller is there."""
+        """Whether the controller is stored and undamaged."""
         record = self._learnt(controller_path(self.folder, controller), CONTROLLER)
         return record is not None and record["key"] == controller.key
 
     def parameters(self, fit: Named) -> bytes:
-        """Returns what a stored fit has learnt, see `tasks.files.from_bytes`.
+        """Returns the learnt parameters of a stored fit, see `tasks.files.from_bytes`.
 
         Raises:
             InputError: it is not there, or damaged.
@@ -136,7 +136,7 @@ class Results:
             record = self._learnt(folder, CONTROLLER)
             if record and record["key"] == key:
                 return dict(record["spec"])
-        raise InputError(f"{self.folder} has lost the controller {key}: run the study again")
+        raise InputError(f"{self.folder} lacks the controller {key}: run the study again")
 
     def controller_facts(self, controller: Named) -> dict[str, Any]:
         """Returns times, host and software of a stored controller, see `facts`."""
@@ -164,10 +164,10 @@ class Results:
 
     # Evaluations
     def stored_episodes(self, wanted: Wanted) -> int:
-        """Returns how many sound episodes there are of an evaluation.
+        """Returns the number of undamaged stored episodes of an evaluation.
 
-        None of another version of the task or controller, and none of a fit that is missing or
-        damaged. No episode is decoded.
+        Episodes of another version of the task or controller do not count, nor do those of a
+        missing or damaged fit. No episode is decoded.
         """
         return self._evaluation(wanted)[1]
 
@@ -219,7 +219,8 @@ class Results:
     def non_finite(self) -> Iterator[tuple[dict[str, Any], int, list[NonFinite]]]:
         """Yields the evaluations in which a method's answers were not finite.
 
-        Each with the fields of its fit, its number of episodes, and what was not finite.
+        Each comes with the fields of its fit, its number of episodes, and which answers were not
+        finite.
         """
         for wanted in self.manifest().wanted:
             labels, count = self._evaluation(wanted)
@@ -228,7 +229,7 @@ class Results:
 
     # Failures
     def failures(self) -> list[dict[str, Any]]:
-        """Returns what has failed and has no result yet: label, tries, reason, traceback."""
+        """Returns the failed jobs without a result: label, tries, reason, traceback."""
         paths = sorted((self.folder / "failures").glob("*.json"))
         return [found for path in paths if (found := self._failure(path))]
 
@@ -240,7 +241,7 @@ class Results:
     def _failure(self, path: Path) -> dict[str, Any] | None:
         return self._unless_damaged(path, partial(read_failure, path))
 
-    # What has been checked
+    # Checks
     def _fit(self, fit: Named) -> dict[str, Any] | None:
         record = self._learnt(cell_path(self.folder, fit), FIT)
         return record if record and record["key"] == fit.key else None
@@ -270,7 +271,7 @@ class Results:
             raise InputError(f"{error}: run the study again") from error
 
     def _evaluation(self, wanted: Wanted) -> tuple[Mapping[str, str], int]:
-        """The labels and number of the stored episodes of an evaluation; none and 0 else."""
+        """The labels and the number of the stored episodes of an evaluation; if none, ({}, 0)."""
         path = self._path(wanted)
         if not self.has_fit(wanted.fit):
             return {}, 0
@@ -300,12 +301,12 @@ class Results:
     def _unless_damaged(
         self, path: Path, read: Callable[[], T], files: Sequence[Path] = ()
     ) -> T | None:
-        """What is read at a path; None if nothing is there or it is damaged, which is noted.
+        """Reads a path; returns None if it is missing, or damaged, which is recorded.
 
         Args:
-            path: what is set aside if it is damaged.
-            read: raises DamagedError.
-            files: what is read, if not the path itself; it is read again only if it has changed.
+            path: the path to set aside if it is damaged.
+            read: reads it; raises DamagedError.
+            files: the files to read, if not the path itself. Unchanged files are not read again.
         """
         if not path.exists():
             return None
@@ -333,7 +334,7 @@ class Results:
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:
-    """What changes when a file does; None if it is not there."""
+    """Identifies a version of a file; None if it is not there."""
     try:
         found = path.stat()
     except OSError:

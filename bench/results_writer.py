@@ -1,4 +1,4 @@
-"""Writing a results folder: by one process at a time, every file whole or not at all."""
+"""Writes results folders: one process at a time, and every file whole or not at all."""
 
 import shutil
 import sys
@@ -32,7 +32,7 @@ from bench.stored_files import (
 from tasks.errors import InputError
 from tasks.files import writable_folder
 
-if TYPE_CHECKING:  # what writes results needs neither the methods nor MuJoCo
+if TYPE_CHECKING:  # writing results needs neither the methods nor MuJoCo
     from bench.computing import Evaluated
     from bench.spec import ControllerSpec, Evaluation, Fit
 
@@ -41,10 +41,10 @@ _UNFINISHED = ".unfinished"
 
 @contextmanager
 def writing(folder: Path) -> Iterator["ResultsWriter"]:
-    """Yields the writer of a results folder, which is made if needed; keeps other writers out.
+    """Yields the writer of a results folder, created if needed, and keeps other writers out.
 
-    What an earlier writer left unfinished is removed. What was found damaged is set aside at the
-    end, at the latest.
+    Unfinished files of an earlier writer are removed. Files that were found damaged are set aside
+    at the end, if not before.
 
     Raises:
         InputError: another process writes to the folder, or it cannot be written to.
@@ -61,12 +61,12 @@ def writing(folder: Path) -> Iterator["ResultsWriter"]:
 
 
 class ResultsWriter:
-    """Writes results. To be used in `writing`."""
+    """Writes results. Use `writing` to get one."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder.absolute()  # wherever this process goes
+        self.folder = folder.absolute()  # the working folder may change
         self.results: Results = _OfWriter(folder)
-        """What is stored by now."""
+        """The results stored so far."""
 
     def ask_for(self, wanted: Iterable[Wanted], note: str = "") -> None:
         """Adds to the manifest, see `bench.manifest.Manifest.extended`."""
@@ -83,7 +83,7 @@ class ResultsWriter:
         """Stores a fit.
 
         Args:
-            fit: what was fitted.
+            fit: the fit.
             weights: content of a safetensors file; empty for the expert.
             diagnostics: content of a safetensors file, or empty.
             facts: times, host and versions.
@@ -110,10 +110,10 @@ class ResultsWriter:
         """Stores episodes of a stored fit.
 
         Args:
-            fit: that was evaluated.
+            fit: the fit that was evaluated.
             evaluation: its conditions.
-            made: episodes that follow the kept ones; they replace the others.
-            keep: number of stored episodes that stay, the first ones.
+            made: new episodes, which follow the kept ones and replace all others.
+            keep: number of stored episodes to keep, from the first.
         """
         key = evaluation.key(fit)
         wanted = Wanted(Name(fit.label, fit.key), Name(evaluation.name, key), keep)
@@ -130,14 +130,14 @@ class ResultsWriter:
         self.write_evaluation(wanted, content)
 
     def write_evaluation(self, wanted: Wanted, content: bytes) -> None:
-        """Writes an evaluation's file; sets aside one that is damaged or of another version."""
+        """Writes an evaluation's file; sets aside a damaged one, or one of another version."""
         path = evaluation_path(self.folder, wanted.fit, wanted.evaluation.label)
         if path.exists() and not self.results.stored_episodes(wanted):
             self._set_aside(path, "it is of another version of the task or of the controller")
         self.write(path, content)
 
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
-        """Stores why there is no result of that label; tries add up."""
+        """Stores why the job of that label failed; numbers of tries add up."""
         total = tries + self.results.tries(label)
         path = failure_path(self.folder, label)
         path.parent.mkdir(exist_ok=True)
@@ -159,13 +159,13 @@ class ResultsWriter:
             self._set_aside(path)
 
     def write(self, path: Path, content: bytes) -> None:
-        """Writes a file of the results folder, all of it or nothing; sets aside a damaged one."""
+        """Writes a file of the results folder, whole or not at all; sets aside a damaged one."""
         if path in self.results.damaged:
             self._set_aside(path)
         write_file(path, content, self.folder / _UNFINISHED)
 
     def write_folder(self, folder: Path, files: Mapping[str, bytes]) -> None:
-        """Writes a folder of the results folder, all of it or nothing; sets aside what is there."""
+        """Writes a subfolder, whole or not at all; sets aside an existing one."""
         if folder.exists():
             self._set_aside(folder)
         write_folder(folder, files, self.folder / _UNFINISHED)

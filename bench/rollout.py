@@ -1,7 +1,7 @@
-"""One policy, one task, one list of starts: what drives a rollout.
+"""Policies that drive rollouts with a fitted method.
 
-Whatever a method predicts or does, an episode in which its answer is not finite diverges at that
-step, and so fails. It is the same rule for motions and for actions.
+An episode diverges, and so fails, at the first step at which the method's motion or action is not
+finite.
 """
 
 import numpy as np
@@ -14,13 +14,13 @@ from tasks.simulator import Simulator
 
 
 class TrackedMotion:
-    """A motion that a method predicts from the start, tracked by the controller (appendix A)."""
+    """Tracks the motion that a method predicts from the start, by a controller (appendix A)."""
 
     def __init__(self, method: MotionMethod, controller: Controller) -> None:
         self.method, self.controller = method, controller
 
     def reset(self, simulator: Simulator) -> None:
-        """Predicts the motions of all episodes, for as long as the task lasts."""
+        """Predicts the motions of all episodes, over the full length of the task."""
         task = simulator.task
         planned = motion(self.method, simulator.state(), task.steps)
         self.motion = planned[:, :, : task.robot_dim]
@@ -34,7 +34,7 @@ class TrackedMotion:
         return _diverging(acted, self._bad[:, step + 1])
 
     def non_finite(self, row: int) -> tuple[NonFinite, ...]:
-        """Returns what was not finite in the motions of a chunk that begins at that row."""
+        """Returns which motions were not finite, for a chunk that begins at that row."""
         bad = self._bad[~self._padding]
         if not bad.any():
             return ()
@@ -49,7 +49,7 @@ class FeedbackPolicy:
         self.method = method
 
     def reset(self, simulator: Simulator) -> None:
-        """Tells the method where the episodes begin."""
+        """Passes the first states of the episodes to the method."""
         begin(self.method, simulator.state())
         self._starts, self._first = 0, 0
 
@@ -57,21 +57,21 @@ class FeedbackPolicy:
         """Returns the method's actions (B, A)."""
         acted = actions(self.method, simulator.state(), step)
         bad = _non_finite(acted)
-        count = int((bad & simulator.running).sum())  # none of them runs any longer
+        count = int((bad & simulator.running).sum())  # each is counted once: it then stops
         self._first = self._first if self._starts else step
         self._starts += count
         return _diverging(acted, bad)
 
     def non_finite(self, row: int) -> tuple[NonFinite, ...]:
-        """Returns what was not finite in the actions of a chunk that begins at that row."""
+        """Returns which actions were not finite, for a chunk that begins at that row."""
         return (NonFinite(row, "act", self._starts, self._first),) if self._starts else ()
 
 
 def _non_finite(answers: FloatArray) -> BoolArray:
-    """Where an answer (..., K) has numbers that are not finite, (...)."""
+    """Whether an answer (..., K) has numbers that are not finite, (...)."""
     return np.asarray(~np.isfinite(answers).all(axis=-1))
 
 
 def _diverging(acted: FloatArray, bad: BoolArray) -> FloatArray:
-    """Actions with which the bad episodes diverge: infinite ones would be clipped."""
+    """Actions with NaN for bad episodes, so that they diverge: infinite ones would be clipped."""
     return np.where(bad[:, None], np.nan, acted)

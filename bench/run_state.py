@@ -1,4 +1,4 @@
-"""The clock of a run as a file of its results folder, for `bench status` in another shell."""
+"""The progress of a run, stored in its results folder for `bench status` in another shell."""
 
 import platform
 import time
@@ -19,13 +19,13 @@ _JOB = {"label": str, "seconds": float}
 
 
 class StateFile:
-    """The file of a run, for the process that runs it."""
+    """The progress file of a run. Only the process of the run uses it."""
 
     def __init__(self, writer: ResultsWriter) -> None:
         self._writer, self._path = writer, writer.folder / NAME
 
     def write(self, state: Mapping[str, Any], ended: bool = False) -> None:
-        """Writes what `bench.clock.Clock.state` gives, and whether the run has been ended."""
+        """Writes a state of `bench.clock.Clock.state`, and whether the run has stopped."""
         me = psutil.Process()
         entry = {
             "written": time.time(),
@@ -37,15 +37,16 @@ class StateFile:
         self._writer.write(self._path, seal_record(entry | dict(state)))
 
     def remove(self) -> None:
-        """Removes the file, once there is nothing left to do."""
+        """Removes the file, once the run is complete."""
         self._path.unlink(missing_ok=True)
 
 
 def read_state(folder: Path) -> dict[str, Any] | None:
-    """Returns the state of the run that writes to a folder, or that was ended while it did.
+    """Returns the state of the run that writes to a folder, or that was stopped before its end.
 
-    What `bench.clock.Clock.state` gives, at the present time if the run still lives, and
-    ``running``, whether it does. None if there is no such run, or its file cannot be read.
+    It has the entries of `bench.clock.Clock.state`, and ``running``: whether the process of the run
+    still exists. If so, times are as of now. None if there is no such run or its file cannot be
+    read.
     """
     try:
         found = read_record(folder / NAME)
@@ -70,7 +71,7 @@ def _typed(entry: Mapping[str, Any], fields: Mapping[str, type]) -> dict[str, An
 
 
 def _lives(found: Mapping[str, Any]) -> bool:
-    """Whether the process that wrote a state is still there, and no later one of its number."""
+    """Whether the process that wrote a state still exists; a new process may reuse its id."""
     if found["ended"]:
         return False
     if found["host"] != platform.node():

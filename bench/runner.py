@@ -1,7 +1,7 @@
-"""One run: its queue of jobs, filled and worked off, each result stored as soon as its job ends.
+"""One run: it fills a queue with jobs, sends them to workers and stores each result at once.
 
-A job starts once the results that it needs are stored; it waits for no other. Demonstrations are
-made and results are written by this process alone.
+A job starts as soon as the results that it needs are stored. Only this process makes demonstrations
+and writes results.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ from methods.description import stand_in
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run did."""
+    """The outcome of a run."""
 
     folder: Path
     done: int
@@ -37,7 +37,7 @@ class Outcome:
     cells: int
     """Cells of the study."""
     failed: tuple[str, ...]
-    """What failed, each with its reason. The same run tries it again."""
+    """Failures, each with its reason. Repeating the run tries them again."""
 
 
 class Runner:
@@ -53,14 +53,14 @@ class Runner:
         interrupts: Interrupts,
         introduce: Callable[[type[Method]], None],
     ) -> None:
-        """Begins with the jobs of the queue.
+        """Makes a runner without jobs.
 
         Args:
             writer: of the results folder.
-            queue: gets the jobs.
+            queue: an empty queue for the jobs.
             where: where they run.
-            workers: how many run at a time.
-            progress: is told what happens.
+            workers: number of parallel jobs.
+            progress: shows which jobs start and end.
             interrupts: says when to stop.
             introduce: makes a method of a package known to this process, without importing it.
         """
@@ -74,7 +74,7 @@ class Runner:
 
     # Before the jobs
     def meet(self, names: Sequence[str], calls: Sequence[Callable[[], Call]]) -> dict[str, Failure]:
-        """Lets methods of packages be described elsewhere; returns the failures by name."""
+        """Has workers describe methods of packages; returns failures by name."""
         failures = {}
         for index, answer in answers(Listed(calls), self._where, self._interrupts):
             if isinstance(answer.result, Failure):
@@ -98,19 +98,19 @@ class Runner:
                 self._writer.add_controller(spec, found.weights, found.facts)
 
     def want(self, cells: Sequence[Cell], note: str = "", cached: bool = True) -> None:
-        """Writes down what is wanted, and adds the jobs of what is missing.
+        """Adds cells to the manifest, and jobs for their missing results to the queue.
 
         Args:
-            cells: what is wanted.
-            note: what a reader of the results must know.
-            cached: whether the cache gets new controllers.
+            cells: the cells.
+            note: note for readers of the results.
+            cached: whether newly trained controllers are kept in the cache.
         """
         self._writer.ask_for([cell.wanted for cell in cells], note)
         self._cells |= {(cell.fit.key, cell.evaluation.name) for cell in cells}
         self._add(cells, cached=cached)
 
     def want_choice(self, choice: Choice, study: Study, demos_keys: Mapping[str, str]) -> None:
-        """Adds the jobs that depend on a choice of size, for now those of the default size."""
+        """Adds a choice of size and the jobs that depend on it, at first for the default size."""
 
         def decide() -> None:
             self._queue.discard(job for job in self._queue.waiting if name_of(choice) in job.after)
@@ -138,7 +138,7 @@ class Runner:
 
     # The jobs, as `answers` takes them
     def take(self) -> str | None:
-        """Returns the name of the next job; makes the choices that are due on the way."""
+        """Returns the name of the next job, after making the choices that come before it."""
         with self._queue.lock:
             job = self._queue.take()
             while isinstance(job, Choice):
@@ -155,7 +155,7 @@ class Runner:
 
     @property
     def ready(self) -> bool:
-        """Whether a job, or a choice, is due."""
+        """Whether a job or a choice can be taken."""
         return self._queue.ready
 
     @property
@@ -164,7 +164,7 @@ class Runner:
         return self._queue.blocked
 
     def work(self) -> None:
-        """Does the jobs.
+        """Runs the jobs until none is left.
 
         Raises:
             KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
@@ -192,7 +192,7 @@ class Runner:
         assert isinstance(job, RunJob)
         return job
 
-    # What came of them
+    # Outcome
     def note_failure(self, label: str, failure: Failure) -> None:
         """Stores why there is no result of that label."""
         self._writer.add_failure(label, failure.reason, failure.traceback, failure.tries)
@@ -203,6 +203,6 @@ class Runner:
         self._writer.clear_failure(label)
 
     def outcome(self) -> Outcome:
-        """Returns what was done."""
+        """Returns the outcome."""
         failed = tuple(f"{label}: {reason}" for label, reason in self._failed.items())
         return Outcome(self.results.folder, self._done, len(self._cells), failed)

@@ -1,4 +1,4 @@
-"""Files that show whether they are what was written, and writing them whole or not at all.
+"""Files with a checksum that reveals damage, and writing them whole or not at all.
 
 A record is a JSON object with its own SHA-256. A sealed folder has a record that lists the SHA-256
 of the other files. A table is a parquet file with labels, and with the SHA-256 of its other bytes.
@@ -19,14 +19,14 @@ import pyarrow.parquet as pq
 from tasks.files import flush, sync
 
 FORMAT = 2
-"""Raise it when files are laid out in another way; those of another format count as damaged."""
+"""To be raised when the layout of files changes; files of another format count as damaged."""
 _OWN, _HASHES = "self", "sha256"
 _MARK = b"sha256:"
 _UNSEALED = _MARK + b"0" * 64
 
 
 class DamagedError(Exception):
-    """A file is not what was written."""
+    """A file differs from what was written."""
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path} is damaged ({reason})")
@@ -51,7 +51,7 @@ def check(passes: bool, path: Path, what: str) -> None:
 # Records
 def seal_record(record: Mapping[str, Any]) -> bytes:
     """Returns the content of a JSON file that `read_record` reads."""
-    # JSON's own types: what is hashed is what will be read.
+    # Types of JSON, so that the hash is of what will be read.
     plain = json.loads(json.dumps({"format": FORMAT} | dict(record)))
     return json.dumps(plain | {_OWN: _record_digest(plain)}, indent=1).encode()
 
@@ -81,7 +81,7 @@ def seal_folder(
 
     Args:
         name: of the file of the record.
-        record: what the folder says of itself.
+        record: the record of the folder.
         contents: the other files by name.
     """
     hashes = {file: _sha256(content) for file, content in contents.items()}
@@ -177,12 +177,12 @@ def _sha256(content: bytes) -> str:
 
 # Writing
 def write_file(path: Path, content: bytes, unfinished: Path) -> None:
-    """Writes a file, all of it or nothing, and waits until the disk has it.
+    """Writes a file whole or not at all, and waits until it is on the disk.
 
     Args:
         path: of the file, which is replaced.
-        content: what it will hold.
-        unfinished: a folder on the same disk for what is not complete yet, made if needed.
+        content: its new content.
+        unfinished: a folder on the same disk for incomplete files, created if needed.
     """
     temporary = unfinished / f"{path.parent.name}-{path.name}"
     temporary.parent.mkdir(exist_ok=True)
@@ -192,7 +192,7 @@ def write_file(path: Path, content: bytes, unfinished: Path) -> None:
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes], unfinished: Path) -> None:
-    """Writes a new folder with files by name, all of it or nothing, see `write_file`."""
+    """Writes a new folder of files, given by name, whole or not at all; see `write_file`."""
     temporary = unfinished / folder.name
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)

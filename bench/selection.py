@@ -1,4 +1,4 @@
-"""The sizes that a study compares, and the one of each method that all other experiments use."""
+"""The sizes that a study compares, and the chosen size, which all other experiments use."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -16,17 +16,17 @@ Sizes = Mapping[tuple[str, str], str]
 
 
 def best_size(evaluations: "pd.DataFrame", sizes: Sequence[str]) -> str:
-    """Returns the size of the highest mean success over seeds (Tables 2-5).
+    """Returns the size with the highest mean success over seeds (Tables 2-5).
 
     Of sizes with the same mean, the first is chosen. A size without evaluations comes last.
 
     Args:
-        evaluations: of one task and method from validation starts, with the columns ``size``,
-            ``successes`` and ``episodes``.
-        sizes: to choose from.
+        evaluations: evaluations of one task and method from validation starts, with the columns
+            ``size``, ``successes`` and ``episodes``.
+        sizes: the sizes to choose from.
     """
     rates = evaluations.successes / evaluations.episodes
-    # Means of the same rates in another order differ in their last digit.
+    # Rounded, since the order of the rates changes the last digit of their mean.
     means = rates.groupby(evaluations["size"]).mean().round(9)
     return max(sizes, key=lambda size: float(means.get(size, -1.0)))
 
@@ -35,7 +35,7 @@ def chosen_sizes(study: Study, frame: "pd.DataFrame") -> dict[tuple[str, str], s
     """Returns by task and method the size that does best on validation starts, see `best_size`.
 
     Args:
-        study: its tasks and methods are looked at.
+        study: its tasks and methods are considered.
         frame: stored evaluations, with the columns `bench.source.COLUMNS`.
     """
     if frame.empty:

@@ -86,7 +86,7 @@ def _check_not_compared(study: Study, name: str, field: str) -> None:
     for experiment, compared in _compared_fields(study, get_method(name)).items():
         if field in compared and experiment in study.episodes:
             raise InputError(
-                f"{name}.{field} is what {experiment} compares: leave that out with"
+                f"{name}.{field} is what {experiment} compares: leave out that experiment with"
                 " --experiments, or the setting"
             )
 
@@ -98,7 +98,7 @@ def _requested_variants(study: Study, method: type[Method]) -> list[str]:
 
 
 def _compared_fields(study: Study, method: type[Method]) -> dict[str, set[str]]:
-    """By experiment, the config fields of a method that it compares several values of."""
+    """By experiment, the config fields of a method whose values it compares."""
     variants = {"audit": compared_variants(study, method), "lifting": LIFTING_VARIANTS}
     compared = {
         experiment: {field for name in names for field in method.variants.get(name, ())}

@@ -1,4 +1,4 @@
-"""What results are read from: a results folder, packed results, or several of them as one."""
+"""Sources of results: a results folder, packed results, or several of them combined."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bench.labels import labelled
 from bench.names import CONDITIONS
 
-if TYPE_CHECKING:  # what reads results needs neither the methods nor MuJoCo
+if TYPE_CHECKING:  # reading results needs neither the methods nor MuJoCo
     import pandas as pd
 
     from methods.base import Parameters
@@ -30,13 +30,13 @@ OUTCOMES = ("start", "success", "diverged", "steps")
 
 
 class Source(Protocol):
-    """Stored results, to read."""
+    """Stored results, for reading."""
 
     def frame(self) -> pd.DataFrame:
-        """Returns one row for each stored evaluation that a study has asked for.
+        """Returns one row for each stored evaluation that a study has requested.
 
-        Columns: the fields of `Fit` and `Evaluation`; ``episodes``, and how many of them are
-        ``successes`` and ``diverged``; ``fit_seconds`` (NaN before `bench time` has measured them);
+        Columns: the fields of `Fit` and `Evaluation`; the numbers of ``episodes``, ``successes``
+        and ``diverged`` episodes; ``fit_seconds`` (NaN before `bench time` has measured them);
         ``folder``, which names the fit.
 
         Raises:
@@ -51,9 +51,9 @@ class Source(Protocol):
         """
 
     def readings(self, row: Mapping[str, Any]) -> NDArray[np.float32] | None:
-        """Returns what the rule reads after each control step (B, T-1) of a row of `frame`.
+        """Returns the readings of the success rule after each control step (B, T-1) of a row.
 
-        None where readings are not kept. Raises InputError as `outcomes` does.
+        None if the source keeps no readings. Raises InputError as `outcomes` does.
         """
 
     def diagnostics(self, folder: str) -> Parameters:
@@ -71,7 +71,7 @@ class Source(Protocol):
         """
 
     def notes(self) -> list[str]:
-        """Returns what a reader of the tables must know, such as a reduced protocol."""
+        """Returns notes for readers of the tables, such as about a reduced protocol."""
 
     def controller_spec(self, key: str) -> dict[str, Any]:
         """Returns the fields of the stored controller with that key.

@@ -35,7 +35,7 @@ EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("t
 
 @dataclass(frozen=True)
 class Fit:
-    """A method with everything that decides what it learns."""
+    """A method with every value that affects what it learns."""
 
     task: str
     method: str
@@ -49,7 +49,7 @@ class Fit:
     demos_key: str
     """Key of the demonstrations, see `tasks.demos.demos_key`."""
     settings: str = ""
-    """What `--set` has changed of the config, such as ``hidden=64``, see `bench.labels`."""
+    """Fields of the config that `--set` changed, such as ``hidden=64``, see `bench.labels`."""
     pins: str = field(default_factory=mark)
     """Whether the kernels that compute it are pinned, see `tasks.pins`."""
 
@@ -109,7 +109,7 @@ class Evaluation:
     split: str
     physics: str = NOMINAL
     controller: str = ORIGINAL
-    """Name of the controller that tracks a predicted motion; none for what acts by itself."""
+    """Name of the controller that tracks a predicted motion; ``none`` if no controller is used."""
     controller_key: str = ""
     rule: str = APPENDIX
     """The rule that decides on success."""
@@ -124,7 +124,7 @@ class Evaluation:
 
     @property
     def name(self) -> str:
-        """The name of its file, without ending."""
+        """The name of its file, without extension."""
         return evaluation_name(asdict(self))
 
     def key(self, fit: Fit) -> str:
@@ -139,7 +139,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A tracking controller with everything that decides what it learns.
+    """A tracking controller with every value that affects what it learns.
 
     Raises:
         InputError: there is no such kind, or controllers of that kind do not learn in that physics.
@@ -155,7 +155,7 @@ class ControllerSpec:
     """Key of the demonstrations; of the suite's own if the controller learns from new rollouts of
     the expert."""
     physics: str = NOMINAL
-    """Where the rollouts that it learns from are recorded."""
+    """Physics in which the rollouts that it learns from are recorded."""
     seed: int = FIRST_SEED
     pins: str = field(default_factory=mark)
     """Whether the kernels that compute it are pinned, see `tasks.pins`."""
@@ -177,7 +177,7 @@ class ControllerSpec:
 
     @property
     def name(self) -> str:
-        """What its evaluations call it."""
+        """Its name in evaluations."""
         return controller_name(self.kind, self.seed)
 
     @property

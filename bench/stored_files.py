@@ -1,6 +1,6 @@
 """The files of a results folder: what each kind holds, and its check.
 
-Functions that read raise DamagedError if a file is not what was written, or not of its place.
+Functions that read raise DamagedError if a file is damaged or belongs to another place.
 """
 
 import json
@@ -48,7 +48,7 @@ def seal_learnt(
         name: `FIT` or `CONTROLLER`.
         named: the fit or controller.
         spec: its fields.
-        contents: of its files by name; empty ones are left out.
+        contents: content of its files by name; empty ones are left out.
         facts: times, host and versions.
     """
     record = {"key": named.key, "spec": dict(spec), "facts": dict(facts)}
@@ -120,10 +120,10 @@ def seal_evaluation(
     """Returns the content of an evaluation's file.
 
     Args:
-        fit_key: of the fit that was evaluated.
-        key: of the evaluation of that fit.
+        fit_key: key of the fit that was evaluated.
+        key: key of the evaluation.
         evaluation: its conditions.
-        table: as `episodes_to_table` returns it.
+        table: the table of `episodes_to_table`.
         non_finite: which answers of the method were not finite.
         software: that computed the episodes, see `bench.provenance.software`; several if they were
             added to later.

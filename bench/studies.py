@@ -1,4 +1,4 @@
-"""Makes a study of a preset and options, for `bench run` and `bench.run` alike."""
+"""Makes a study from a preset and options, for `bench run` and `bench.run`."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ if TYPE_CHECKING:
     from bench.presets import Study
 
 Names = str | Sequence[str]
-"""Names in a sequence, or in a text with commas between them."""
+"""Names as a sequence or as a comma-separated text."""
 
 
 class Options(TypedDict, total=False):
-    """The options that change a preset. None changes nothing."""
+    """Options that change a preset. None keeps the preset's value."""
 
     experiments: Names | None
     tasks: Names | None
     methods: Names | None
-    """Without ``expert`` among them, the expert is not evaluated."""
+    """The expert is evaluated only if ``expert`` is among them."""
     sizes: Names | None
     """Model sizes to compare."""
     variants: Names | None
     """Variants for the experiment ``audit``."""
     seeds: str | int | Sequence[int] | None
-    """How many (5 means 1 to 5), which ([2, 4]), or as a text (``1-3,7``)."""
+    """A count (5 means 1 to 5), a list ([2, 4]), or a text (``1-3,7``)."""
     episodes: int | None
-    """Of each evaluation."""
+    """Episodes of each evaluation."""
     demos: str | Path | Sequence[str | Path] | None
     """Files of demonstrations, one for each task of the study."""
     settings: Mapping[str, Any] | Sequence[str] | None
-    """Values by field of a method's config: ``{"nn.epochs": 50}``, or ``["nn.epochs=50"]``."""
+    """Fields of methods' configs: ``{"nn.epochs": 50}`` or ``["nn.epochs=50"]``."""
 
 
 def study_of(study: str | Study, **options: Unpack[Options]) -> Study:
-    """Returns a study, changed by options.
+    """Returns a study with options applied.
 
     Args:
         study: name of a preset, or a study.
@@ -128,7 +128,7 @@ def _settings(study: Study, settings: Mapping[str, Any] | Sequence[str]) -> Stud
 
 
 def _text(values: str | Sequence[Any]) -> str:
-    """The values as a command line has them. The last comma makes a lone number a seed."""
+    """Values as text of a command line. The last comma makes a single number a list of seeds."""
     return values if isinstance(values, str) else "".join(f"{value}," for value in values)
 
 
@@ -143,4 +143,4 @@ _CHANGES: Mapping[str, Callable[[Study, Any], Study]] = {
     "demos": _demos,
     "settings": _settings,
 }
-"""By option, how it changes a study. Files of demonstrations come after the tasks they must fit."""
+"""By option, how it changes a study. ``demos`` follows ``tasks``, which its files must match."""

@@ -1,4 +1,4 @@
-"""The demonstrations that a study learns from: those of the expert, or those of files."""
+"""The demonstrations that a study learns from: the expert's, or those of files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,15 +25,15 @@ def demos_key_of(study: Study, task: str) -> str:
 
 
 def learning_from(study: Study, files: Sequence[Path]) -> Study:
-    """Returns the study with demonstrations of files in place of the expert's.
+    """Returns a study that learns from files of demonstrations instead of the expert's.
 
     Args:
         study: the study to change.
         files: one for each task of the study.
 
     Raises:
-        InputError: a task has no file, or two; a file is of a task that the study does not have;
-            or a file cannot be used, see `adopt_demos`.
+        InputError: a task has no file, or two; a file shows a task that is not in the study; or a
+            file cannot be used, see `adopt_demos`.
     """
     chosen = _by_task(study, files)
     keys = {task: adopt_demos(get_task(task), file) for task, file in chosen.items()}
@@ -71,7 +71,7 @@ def _by_task(study: Study, files: Sequence[Path]) -> dict[str, Path]:
 
 
 def _task_of(study: Study, file: Path) -> str:
-    """The task of the study that a file shows. A file may not say; a lone task is then assumed."""
+    """The task that a file shows. If the file does not say, it is the only task of the study."""
     name = task_of(file)
     if not name and len(study.tasks) > 1:
         raise InputError(

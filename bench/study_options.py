@@ -17,14 +17,14 @@ Settings = Annotated[
     typer.Option(
         "--set",
         help="METHOD.FIELD=VALUE sets a field of a method's config, such as nn.epochs=50 or"
-        " ngf.hidden=64,32. Repeat the option for more.",
+        " ngf.hidden=64,32. Repeat to set several.",
     ),
 ]
 
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """The name of a preset, and what can differ from it, see `bench.studies.Options`."""
+    """The name of a preset, and options that change it, see `bench.studies.Options`."""
 
     preset: Annotated[
         str,
@@ -44,8 +44,8 @@ class StudyOptions:
     methods: Annotated[
         str | None,
         typer.Option(
-            help="Comma-separated methods, such as kodex,nn,expert. Default: all in the preset, and"
-            " the expert."
+            help="Comma-separated methods, such as kodex,nn,expert. Default: the preset's methods"
+            " and the expert."
         ),
     ] = None
     sizes: Annotated[
@@ -58,15 +58,15 @@ class StudyOptions:
     variants: Annotated[
         str | None,
         typer.Option(
-            help="Comma-separated variants of methods for the experiment audit, such as"
+            help="Comma-separated method variants for the experiment audit, such as"
             " described,published. Default: all."
         ),
     ] = None
     seeds: Annotated[
         str | None,
         typer.Option(
-            help="Seeds of the methods' random numbers: how many (5 means 1 to 5), which (2,4; 7,"
-            " for seed 7 alone) or ranges (1-3,7). Default: those of the preset."
+            help="Seeds: a count (5 means 1 to 5), a list (2,4; 7, for seed 7 alone) or ranges"
+            " (1-3,7). Default: those of the preset."
         ),
     ] = None
     episodes: Annotated[
@@ -77,8 +77,8 @@ class StudyOptions:
         list[Path] | None,
         typer.Option(
             help="File of demonstrations to learn from, written by `bench demos record`,"
-            " `from-arrays` or `import`. Repeat the option for more tasks: each task of the run"
-            " needs a file. Default: the expert's demonstrations."
+            " `from-arrays` or `import`. Give one file for each task of the run. Default: the"
+            " expert's demonstrations."
         ),
     ] = None
     settings: Settings = None

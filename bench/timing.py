@@ -1,4 +1,4 @@
-"""How long fits take, in CPU seconds, measured apart from a run, whose jobs share the caches."""
+"""Measures the CPU seconds of fits, outside of a run, whose jobs share the processor's caches."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,17 +21,17 @@ from tasks.data import Demos
 
 REPEATS = 3
 EPOCHS_SHARE = 0.05
-"""Share of its epochs over which a network is timed: they all do the same work."""
+"""Share of its epochs for which a network is timed: every epoch does the same work."""
 
 
 def time_fits(folder: Path, report: Callable[[str], None]) -> int:
-    """Times the stored fits whose times exhibits show, one after the other; returns how many.
+    """Times the stored fits whose times exhibits show, one after the other; returns their number.
 
-    Of fits that differ in their seeds the first is timed, unless its time is stored.
+    Of fits that differ only in their seeds, the first is timed, unless its time is stored already.
 
     Args:
-        folder: of `bench run`.
-        report: is told the label and the seconds of each.
+        folder: results folder of `bench run`.
+        report: is called with a line for each fit: its label and seconds.
 
     Raises:
         InputError: there are no results, they are from other demonstrations than this installation
@@ -72,9 +72,9 @@ def _call(row: dict[str, Any]) -> Call:
 
 
 def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
-    """Returns the CPU seconds that a fit takes, measured `REPEATS` times.
+    """Returns the CPU seconds of a fit, measured `REPEATS` times.
 
-    A network is timed over a share of its epochs.
+    A network is timed for a share of its epochs.
     """
     epochs = fit.config.get("epochs", 1)
     timed = max(1, round(EPOCHS_SHARE * epochs))

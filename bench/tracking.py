@@ -1,7 +1,6 @@
-"""What a perfect imitation would have: the expert's own motions, tracked.
+"""Tracks the expert's own motions, to measure what a perfect imitation would achieve.
 
-Where the expert's own motions fail under a controller, no method could have done better by
-imitating them.
+If the expert's motions fail under a controller, a method that imitates them cannot do better.
 """
 
 from dataclasses import replace
@@ -25,18 +24,19 @@ from tasks.simulator import rollout
 def track(
     task: Task, physics: str, episodes: int, config: ControllerConfig
 ) -> list[dict[str, Any]]:
-    """Returns the success in some physics of the expert's motions, made there and in nominal.
+    """Returns how often controllers succeed in some physics when they track the expert's motions.
 
-    One row for each of motions and controllers: ``motions``, the physics that they were made in,
-    ``controller``, ``success`` as a fraction, ``episodes``. In changed physics the controllers are
-    the original and the tuned one (appendix I), in nominal physics the original one and those that
-    differ from it in random numbers alone.
+    Each row has ``motions`` (the physics in which the expert's motions were recorded),
+    ``controller``, ``success`` as a fraction, and ``episodes``. There are motions of nominal
+    physics and of the given one. In changed physics the controllers are the original and the tuned
+    one (appendix I). In nominal physics they are the original one and those that differ from it
+    only in their random numbers.
 
     Args:
-        task: what is done.
+        task: the task.
         physics: nominal, a variation of appendix I, or another reading of one.
-        episodes: starts of ``test``, from the first.
-        config: how the controllers are trained.
+        episodes: number of starts of ``test``, from the first.
+        config: training settings of the controllers.
     """
     expert, starts = load_expert(task).policy, task.sample("test", episodes)
     original = ControllerSpec(task.name, ORIGINAL, config, TRAINING, demos_key(task))

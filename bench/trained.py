@@ -1,4 +1,4 @@
-"""Trained controllers: those shipped with the package, and those in the cache.
+"""Trained controllers that are shipped with the package or kept in the cache.
 
 A controller takes minutes to train, and every method of a task needs it. It has two files: its
 weights, and a card with its key, the SHA-256 of the weights, and when and where it was trained.
@@ -34,7 +34,7 @@ class TrainedController:
 def trained(spec: ControllerSpec) -> TrainedController | None:
     """Returns the controller from the package or the cache; None if it must be trained.
 
-    Damaged files are passed over.
+    Damaged files are ignored.
     """
     for folder in (SHIPPED, cache_folder() / _CACHE):
         found = _read(folder / f"{_name(spec)}.json", spec.key)
@@ -44,7 +44,7 @@ def trained(spec: ControllerSpec) -> TrainedController | None:
 
 
 def keep(spec: ControllerSpec, weights: bytes, facts: Mapping[str, Any]) -> None:
-    """Puts a controller into the cache, or says on stderr that the cache cannot be written to."""
+    """Stores a controller in the cache, or says on stderr that the cache is not writable."""
     try:
         folder = writable_cache(_CACHE)
     except InputError as error:

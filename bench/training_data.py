@@ -1,4 +1,4 @@
-"""What fits and controllers learn from, and where evaluations start."""
+"""The training data of fits and controllers, and the starts of evaluations."""
 
 from functools import cache
 from pathlib import Path
@@ -34,12 +34,12 @@ def _demos(of: Fit | ControllerSpec) -> tuple[Demos, Demos]:
 
 @cache
 def _demos_at(path: Path, task: str, key: str) -> tuple[Demos, Demos]:
-    """Demonstrations in the cache. The path is an argument, since the cache may be another one."""
+    """Demonstrations in the cache. The path is an argument, since the cache folder may change."""
     return split(load_demos(get_task(task), key))
 
 
 def controller_demos(spec: ControllerSpec) -> Demos:
-    """Returns what a controller learns from: demonstrations, or new rollouts of the expert."""
+    """Returns the training data of a controller: demonstrations or new rollouts of the expert."""
     kind = KINDS[spec.kind]
     if not kind.records_expert:
         return training_demos(spec)
@@ -72,14 +72,14 @@ def starts_of(cell: Cell) -> Starts:
 
 
 def wanted_episodes(cell: Cell) -> int:
-    """Returns the episodes of a cell, no more than there are starts. Records nothing."""
+    """Returns the episodes of a cell, at most one for each start. Records no demonstrations."""
     if cell.evaluation.split != VALIDATION:
         return cell.episodes
     return min(cell.episodes, _validation_count(cell.fit))
 
 
 def _validation_count(fit: Fit) -> int:
-    """How many validation starts there are. The expert's demonstrations are not recorded."""
+    """The number of validation starts, without recording the expert's demonstrations."""
     if fit.demos_key == demos_key(get_task(fit.task)):
         return demos.VALIDATION
     return len(validation_demos(fit))

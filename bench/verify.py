@@ -1,4 +1,4 @@
-"""Whether stored results are what this machine finds: fit and evaluate some of them again."""
+"""Repeats some stored fits and evaluations on this machine and compares the results."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -32,7 +32,7 @@ DIFFERENT = "different bits"
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a stored evaluation compares with the same one done again."""
+    """The comparison of a stored evaluation with its repetition."""
 
     fit: str
     evaluation: str
@@ -40,17 +40,18 @@ class Verdict:
     stored: int
     """Successes of the stored episodes."""
     again: int
-    """Successes of the same episodes, done again."""
+    """Successes of the repeated episodes."""
     differ: int
-    """Episodes whose success, divergence or length is another."""
+    """Episodes whose success, divergence or length differs."""
     difference: str = ""
     """The first difference between results that must have the same bits, see `bench.same_bits`."""
 
     @property
     def verdict(self) -> str:
-        """Identical, or whether the rate lies within the 95% Wilson interval of the stored one.
+        """Whether the episodes are identical; if not, whether the rate is in the stored interval.
 
-        Different bits, if they must be the same.
+        The interval is the 95% Wilson interval of the stored rate. Results that must have the same
+        bits have no such tolerance.
         """
         if self.difference:
             return DIFFERENT
@@ -61,14 +62,14 @@ class Verdict:
 
 
 def verify(source: Source, count: int, episodes: int, draw: int, where: Workers) -> list[Verdict]:
-    """Fits and evaluates some stored evaluations again, from nothing, and compares.
+    """Repeats some stored evaluations, including their fits, and compares them.
 
     Args:
-        source: the results.
-        count: how many evaluations, drawn at random.
-        episodes: of each, at most.
-        draw: another number draws others.
-        where: who does the jobs.
+        source: the stored results.
+        count: number of evaluations, chosen at random.
+        episodes: episodes of each evaluation, at most.
+        draw: seed of the random choice.
+        where: where jobs run.
 
     Raises:
         InputError: there are no results, or they are from other demonstrations than this
@@ -76,7 +77,7 @@ def verify(source: Source, count: int, episodes: int, draw: int, where: Workers)
     """
     rows = source.frame().to_dict("records")
     if not rows:
-        raise InputError("there are no evaluations to verify yet: bench status says how far it is")
+        raise InputError("there are no evaluations to verify yet: bench status shows the progress")
     order = generator("verify", draw).permutation(len(rows))[:count]
     chosen = [rows[index] for index in sorted(order)]
     cells = [stored_cell(source, row, episodes) for row in chosen]
@@ -114,7 +115,7 @@ def _difference(source: Source, again: Results, row: Mapping[str, Any], cell: Ce
 
 
 def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:
-    """Returns the cell of a row of a source's frame, with at most so many episodes.
+    """Returns the cell of a row of `Source.frame`, with at most a number of episodes.
 
     Raises:
         InputError: it is from other demonstrations than this installation makes.
@@ -146,13 +147,13 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
     kept = fit.method != EXPERT and demos_path(task, fit.demos_key).exists()
     if fit.demos_key != demos_key(task) and not kept:
         raise InputError(
-            f"{fit.label} learnt from other demonstrations than this installation makes: of"
-            " another expert, task or version of MuJoCo"
+            f"{fit.label} learnt from other demonstrations than this installation makes: the"
+            " expert, the task or the version of MuJoCo differs"
         )
     return fit
 
 
 def fit_of(row: Mapping[str, Any]) -> Fit:
-    """Returns the fit of a row of `Source.frame`, labelled or not, whatever it learnt from."""
+    """Returns the fit of a row of `Source.frame`, labelled or not, without checks."""
     values = {field.name: row[field.name] for field in fields(Fit)}
     return Fit(**values | {"method": plain(row["method"])})

@@ -1,4 +1,4 @@
-"""Looks at single episodes that packages bring, by entry points of the group ``bench.views``."""
+"""Views of single episodes, which packages provide as entry points of ``bench.views``."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,19 +10,19 @@ ENTRY_POINTS = "bench.views"
 
 
 def view(name: str) -> Callable[..., Any]:
-    """Returns the function that an entry point of that name brings.
+    """Returns the function of the entry point of that name.
 
     Raises:
-        InputError: no installed package brings one, several do, or it cannot be imported.
+        InputError: no installed package provides it, several do, or it cannot be imported.
     """
     points = [point for point in entry_points_of(ENTRY_POINTS) if point.name == name]
     if not points:
         raise InputError(
-            f"no installed package brings the view {name!r}: kodex-bench does, so install it again"
+            f"no installed package provides the view {name!r}: kodex-bench does, so reinstall it"
         )
     packages = owners(points)
     if len(points) > 1:
-        raise InputError(f"{packages} bring the same view {name!r}: uninstall all but one")
+        raise InputError(f"{packages} provide the same view {name!r}: uninstall all but one")
     try:
         found: Callable[..., Any] = points[0].load()
     except Exception as error:

@@ -117,14 +117,14 @@ def _fault(name: str, points: Sequence[EntryPoint]) -> str:
     """Why a method of packages cannot be used, judged by its name; empty if it can."""
     packages = owners(points)
     if name in _CLASSES:
-        return f"{packages} brings a method {name!r}, which this suite has: {_cure(packages)}"
+        return f"{packages} provides a method {name!r}, which this suite has: {_cure(packages)}"
     try:
         check_method_name(name)
     except InputError as error:
-        return f"{packages} brings a method that cannot be used: {error}; {_cure(packages)}"
+        return f"{packages} provides a method that cannot be used: {error}; {_cure(packages)}"
     if len(points) > 1:
         values = ", ".join(sorted(point.value for point in points))
-        return f"{packages} bring the same method {name!r} ({values}): uninstall all but one"
+        return f"{packages} provide the same method {name!r} ({values}): uninstall all but one"
     return ""
 
 

@@ -36,7 +36,7 @@ Mixed = Annotated[
     bool,
     typer.Option(
         "--mixed",
-        help="Show results together that were run differently, with a note of what differs.",
+        help="Also show results with different settings together, with a note of the differences.",
     ),
 ]
 
@@ -57,10 +57,13 @@ def report(
         typer.Option(help="File for a table of all episodes, such as episodes.parquet."),
     ] = None,
     tables: Annotated[
-        bool, typer.Option("--tables", help="Print all tables, not only that of success.")
+        bool, typer.Option("--tables", help="Print all tables instead of the success table alone.")
     ] = False,
 ) -> None:
-    """Write tables, figures and a web page (index.html). Exit code 3 if one fails."""
+    """Write tables, figures and a web page (index.html).
+
+    Exit code 3 if a table or figure cannot be made.
+    """
     from bench.source import episodes_table
     from reports.write import write_report
 
@@ -103,7 +106,10 @@ def pack(
     ],
     out: Annotated[Path, typer.Option(help="Folder of the packed results; made if needed.")],
 ) -> None:
-    """Pack what reports need into a few small files to share, without weights."""
+    """Pack results into a few small files to share.
+
+    Keeps what reports need, without weights.
+    """
     from bench.packed import pack as pack_results
 
     for folder in folders:
@@ -118,8 +124,8 @@ def compare(
     methods: Annotated[
         str,
         typer.Option(
-            help="Two or more comma-separated methods, such as kodex,nn or kodex,expert. The name"
-            " of a method with several labels, such as mine:hidden=64, stands for all of them."
+            help="Two or more comma-separated methods, such as kodex,nn or kodex,expert. A plain"
+            " name, such as mine, selects all its labels, such as mine:hidden=64."
         ),
     ],
     folder: Stored = None,
@@ -168,17 +174,19 @@ def verify(
     folder: Stored = None,
     reference: Reference = False,
     cells: Annotated[
-        int, number(1, "Number of stored evaluations to repeat, drawn at random.")
+        int, number(1, "Number of stored evaluations to repeat, chosen at random.")
     ] = 3,
-    episodes: Annotated[int, number(1, "Most episodes to repeat of each.")] = 500,
-    draw: Annotated[int, number(0, "Seed of the draw.")] = 0,
+    episodes: Annotated[int, number(1, "Episodes to repeat of each evaluation, at most.")] = 500,
+    draw: Annotated[
+        int, number(0, "Seed of the random choice; another seed chooses other evaluations.")
+    ] = 0,
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Repeat some stored fits and evaluations. Exit code 3 if one differs too much.
+    """Repeat some stored fits and evaluations, and compare them with the stored results.
 
-    An evaluation differs too much if its success is outside the 95% interval of the stored one, or
-    if any bit differs although kernels were pinned and versions are the same.
+    Exit code 3 if one differs too much: its success is outside the 95% interval
+    of the stored one, or any bit differs although kernels were pinned and versions are the same.
     """
     from bench.backend import Workers
     from bench.cores import count_jobs
@@ -229,7 +237,10 @@ def video(
         Path | None, typer.Option(help="Folder of the films. Default: RESULTS/videos.")
     ] = None,
 ) -> None:
-    """Film methods side by side from the same start, with the predicted motion as a ghost."""
+    """Film methods side by side from the same start.
+
+    The predicted motion is drawn as a transparent hand.
+    """
     from bench.renderer import renderer
 
     known_names("TASK", "task", task, TASKS)

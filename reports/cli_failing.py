@@ -32,7 +32,7 @@ def failures(
     ] = None,
     split: Annotated[
         str | None,
-        typer.Option(help="Set of starts: test, or ood (out of distribution). Default: both."),
+        typer.Option(help="Split: test or ood (out of distribution). Default: both."),
     ] = None,
     seed: Annotated[int | None, number(0, "Seed of the fits. Default: all.")] = None,
     out: Annotated[
@@ -42,7 +42,8 @@ def failures(
 ) -> None:
     """Show which starts fail and how, in a table and a picture for each task.
 
-    Failed episodes are replayed to find how they failed. Packed results hold no fits to replay.
+    Replays failed episodes to find how they failed. Packed results hold no fits,
+    so they cannot be replayed.
     """
     import pandas as pd
 

@@ -37,7 +37,8 @@ def try_method(
 ) -> None:
     """Fit a method on one task and compare it with the shipped methods.
 
-    The method learns from 200 demonstrations, at its default size. Exit code 3 if it fails.
+    The method learns from 200 demonstrations at its default size. Exit code 3 if
+    the fit or evaluation fails.
     """
     from bench.backend import Workers
     from methods.registry import method_names, unusable

@@ -62,7 +62,7 @@ class Results:
         found = labelled(self.source.frame())
         if found.empty:
             raise InputError(
-                "there are no evaluations to show yet: bench status says how far it is"
+                "there are no evaluations to show yet: bench status shows the progress"
             )
         places = {name: place for place, name in enumerate(ordered(found.task, TASKS))}
         return found.sort_values(

@@ -13,7 +13,7 @@ from safetensors.numpy import save
 
 from bench.renderer import renderer
 
-# MuJoCo reads it when it is imported.
+# To be set before MuJoCo is imported.
 os.environ["MUJOCO_GL"] = renderer() or ""
 
 from bench import driver
@@ -28,13 +28,13 @@ from tasks.data import FloatArray, generator
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator
 
-# The machine may be busy, and a test that passes once must pass again.
+# No deadline, since the machine may be busy; fixed examples, so that tests are repeatable.
 settings.register_profile("suite", deadline=None, derandomize=True)
 settings.load_profile("suite")
 
 
 def pytest_addoption(parser):
-    parser.addoption("--times", type=int, default=1, help="how often each kind of harm is done")
+    parser.addoption("--times", type=int, default=1, help="how often each kind of damage is tried")
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ FIGURES: dict[str, list[float]] = {}
 
 @pytest.fixture
 def figure(request):
-    """Notes a number for the summary of `make reliability`."""
+    """Records a number for the summary of `make reliability`."""
 
     def note(name: str, value: float) -> None:
         FIGURES.setdefault(f"{request.node.name}: {name}", []).append(value)
@@ -68,13 +68,13 @@ def pytest_terminal_summary(terminalreporter, config):
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
-    """On a busy machine too, no command takes so long that it says what it does."""
+    """Even on a busy machine, no command prints what it is doing."""
     monkeypatch.setattr("bench.doing.MOMENT", 1e9)
 
 
 @pytest.fixture
 def ends_within():
-    """Whether no process of a group is left after so many seconds."""
+    """Returns whether all processes of a group end within some seconds."""
 
     def wait(seconds: float, group: int) -> bool:
         end = time.monotonic() + seconds
@@ -91,7 +91,7 @@ def ends_within():
 
 @pytest.fixture
 def files_of():
-    """The SHA-256 of every file of a results folder that must not depend on how a run went."""
+    """The SHA-256 of the files of a results folder that every run of the same study repeats."""
 
     def hashes(folder):
         kinds = ("*.parquet", "weights.safetensors", "tables/*", "figures/*")
@@ -125,7 +125,7 @@ class Replay:
 
 @pytest.fixture
 def random_replay():
-    """Makes a Replay of smooth random actions, which move the hand and what it touches."""
+    """Makes a Replay of smooth random actions, which move the hand and the object."""
 
     def make(task, n: int, steps: int | None = None) -> Replay:
         return Replay(random_actions(task, n, steps))
@@ -142,7 +142,7 @@ def random_actions(task, n: int, steps: int | None = None) -> FloatArray:
 
 @pytest.fixture
 def shipped(task, tmp_path, monkeypatch):
-    """A small random expert, shipped for the task, whose every third episode fails."""
+    """Ships a small random expert for the task; every third episode fails."""
     monkeypatch.setattr(experts, "SHIPPED", tmp_path / "experts")
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(demos, "TRAINING", 6)
@@ -155,14 +155,14 @@ def shipped(task, tmp_path, monkeypatch):
 
 
 def in_this_process(jobs, backend="loky", *options):
-    """Workers, but for a single job in this process, which knows the patches of a test."""
+    """Workers that run a single job in this process, where the patches of a test apply."""
     alone = jobs == 1 and backend == "loky"
     return Workers(jobs, "sequential" if alone else backend, *options)
 
 
 @pytest.fixture
 def smoke(shipped, monkeypatch):
-    """The preset for KODex, with as few demonstrations as a shipped random expert has."""
+    """The preset ``smoke`` for KODex, with the few demonstrations of a random expert."""
     monkeypatch.setitem(PRESETS, "smoke", replace(PRESETS["smoke"], demos=6, methods=("kodex",)))
     monkeypatch.setattr(driver, "TRAINING", 6)
     monkeypatch.setattr("bench.plan.machine_factor", lambda: 1.0)
@@ -170,7 +170,7 @@ def smoke(shipped, monkeypatch):
 
 @pytest.fixture
 def paper(shipped, monkeypatch, tmp_path):
-    """The preset with few demonstrations and episodes; the current folder is empty."""
+    """The preset ``paper`` with few demonstrations and episodes; the current folder is empty."""
     preset = PRESETS["paper"]
     episodes = dict.fromkeys(preset.episodes, 12)
     short = replace(preset, episodes=episodes, demos=6, controller=ControllerConfig(epochs=5))
@@ -182,7 +182,7 @@ def paper(shipped, monkeypatch, tmp_path):
 
 @pytest.fixture
 def reference(paper, task, monkeypatch, tmp_path):
-    """Ships KODex and two seeds of NN, run as the preset says but for what is given."""
+    """Ships results of KODex and two seeds of NN, run with the given changes to the preset."""
 
     def run_and_ship(**changes):
         study = replace(

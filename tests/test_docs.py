@@ -1,4 +1,4 @@
-"""What the documents say exists: links, commands with their options, messages, API pages."""
+"""Links, commands, options, messages and API pages in the documents exist."""
 
 import os
 import re
@@ -23,7 +23,7 @@ SOURCE = re.sub(
         for path in (ROOT / folder).glob("*.py")
     ),
 )
-"""With strings that go on in the next line put together."""
+"""The code, with strings of consecutive lines joined."""
 
 
 class Nothing:
@@ -46,7 +46,7 @@ def commands():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page):
+def test_links_have_targets(page):
     prose = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
     links = re.findall(r"\]\((?!http)([^)#]+)[^)]*\)", prose)
     assert [link for link in links if not (page.parent / link).exists()] == []
@@ -62,26 +62,26 @@ def test_commands_and_their_options_exist(bench, words):
     assert [option for option in options if option not in said] == []
 
 
-def test_messages_that_one_may_look_up_are_in_the_code():
+def test_messages_explained_in_the_documents_are_in_the_code():
     rows = re.findall(r"^\| `(.*?)` \|", (ROOT / "docs/troubleshooting.md").read_text(), re.M)
     parts = [part.strip() for row in rows for part in row.split("...") if part.strip()]
     assert len(parts) > 8
     assert [part for part in parts if part not in SOURCE] == []
 
 
-def test_extras_are_installed_from_a_clone():
-    """The package is on no index."""
+def test_documents_install_extras_from_a_clone():
+    """The package is not on a package index."""
     assert not [page.name for page in PAGES if "kodex-bench[" in page.read_text()]
     assert "kodex-bench[" not in SOURCE
 
 
-def test_the_columns_of_all_episodes_are_listed():
+def test_the_documents_list_the_columns_of_episodes():
     text = (ROOT / "docs/results_format.md").read_text()
     listed = re.findall("`([a-z]+)`", re.search(r"^Columns: (.*?)\.", text, re.M | re.S)[1])
     assert listed == list(episodes_table(Nothing()).columns)
 
 
-def test_the_docstrings_make_pages(tmp_path):
+def test_the_api_pages_can_be_built(tmp_path):
     environment = os.environ | {"MUJOCO_GL": "disable", "PDOC_ALLOW_EXEC": "1"}
     modules = ["bench.results", "methods.dmp", "reports.exhibits.robustness", "tasks.door"]
     command = [sys.executable, "-m", "pdoc", "-d", "google", "-o", str(tmp_path), *modules]

@@ -4,7 +4,7 @@ import sys
 from importlinter.cli import lint_imports
 
 
-def test_arrows_point_from_reports_to_tasks(capsys):
+def test_imports_point_from_reports_to_tasks(capsys):
     assert lint_imports() == 0, capsys.readouterr().out
 
 

@@ -12,7 +12,7 @@ run_notebook = runpy.run_path(str(DOCS / "run_notebook.py"))["run_notebook"]
 
 
 def shown(text: str) -> list[list[tuple[str, list[str]]]]:
-    """Of each cell the kinds of what it shows, and the tables; pictures differ by machine."""
+    """The kinds of output of each cell, and its tables; pictures differ between machines."""
     cells = json.loads(text)["cells"]
     return [
         [
@@ -24,7 +24,7 @@ def shown(text: str) -> list[list[tuple[str, list[str]]]]:
     ]
 
 
-def test_the_notebook_shows_what_its_cells_say_of_the_shipped_results():
+def test_the_notebook_shows_its_stored_outputs_for_the_shipped_results():
     text = NOTEBOOK.read_text()
     again, names = run_notebook(NOTEBOOK)
     assert shown(again) == shown(text)
@@ -34,7 +34,7 @@ def test_the_notebook_shows_what_its_cells_say_of_the_shipped_results():
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_notebook_runs_on_results_of_ones_own(bench, task, smoke, tmp_path):
+def test_the_notebook_runs_on_other_results(bench, task, smoke, tmp_path):
     options = ("--tasks", task.name, "--episodes", "3", "--jobs", "1")
     assert bench("run", "smoke", *options, "--out", str(tmp_path / "results/quick"))[0] == 0
     text = NOTEBOOK.read_text()

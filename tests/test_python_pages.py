@@ -1,4 +1,4 @@
-"""What the pages on Python and on demonstrations of one's own show, run from top to bottom."""
+"""Runs the pages on Python and on own demonstrations from top to bottom."""
 
 import re
 import shlex
@@ -17,7 +17,7 @@ BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n\n)?```(python|sh)\n(.*?)```", re.
 
 @pytest.fixture
 def run_page(bench, smoke, tmp_path, monkeypatch):
-    """Runs the blocks of a page, in one folder and one name space, which is returned."""
+    """Runs the blocks of a page in one folder and returns their common name space."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BENCH_JOBS", "1")
     monkeypatch.setattr(sys, "path", [*sys.path])
@@ -55,7 +55,7 @@ def test_the_page_on_python_runs(task, run_page, monkeypatch):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_page_on_own_demonstrations_goes_from_nothing_to_a_row(task, run_page):
+def test_the_page_on_own_demonstrations_runs_up_to_a_table_row(task, run_page):
     run_page("own_demos.md")
     frame = Results(Path("results/mine")).frame()
     assert set(frame.method) == {"kodex"}

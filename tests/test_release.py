@@ -1,4 +1,4 @@
-"""What is released works by itself: `make release` builds it and tries it in new environments."""
+"""The release: `make release` builds it and tests it in new environments."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ def call(*words, **options):
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """A folder with the sdist of what git knows, and the wheel that is made from it."""
+    """A folder with the sdist of tracked files, and the wheel that is built from it."""
     source, dist = (tmp_path_factory.mktemp(name) for name in ("source", "dist"))
     call("git", "clone", "--quiet", ROOT, source)
     call(sys.executable, "-m", "build", "--outdir", dist, source)
@@ -36,7 +36,7 @@ def test_the_wheel_holds_all_packages_and_their_data(built):
 
 
 @pytest.mark.parametrize("kind", ["*.whl", "*.tar.gz"])
-def test_it_runs_in_an_empty_environment(built, kind, tmp_path):
+def test_the_wheel_runs_in_an_empty_environment(built, kind, tmp_path):
     (package,) = built.glob(kind)
     call(sys.executable, "-m", "venv", tmp_path / "venv")
     bin_ = tmp_path / "venv/bin"

@@ -18,12 +18,12 @@ KODEX = {"cutoff": 1.0}
 
 @dataclass(frozen=True)
 class Stored:
-    """A results folder with one fit and four episodes of it, being written to."""
+    """A writer of a results folder that holds one fit and four episodes of it."""
 
     writer: ResultsWriter
     fit = Fit("door", "kodex", "described", "single", {"observables": 3, **KODEX}, 10, 0, "r")
     other = Fit("door", "kodex", "described", "single", {"observables": 2, **KODEX}, 10, 0, "r")
-    """A fit under the same label that is not stored."""
+    """A fit with the same label that is not stored."""
     evaluation = Evaluation("door", "test", controller_key="c")
     controller = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "r")
     weights = to_bytes({"koopman": np.arange(6.0).reshape(2, 3)})

@@ -27,7 +27,7 @@ BACKENDS = ("loky", "dask")
 
 
 def outcome(jobs, where):
-    """What each job gave, in their order; no job may give two answers."""
+    """The result of each job, in order; checks that no job gives two answers."""
     found = {}
     with workers(where), Interrupts() as interrupts:
         supply = Listed([partial(tuple, ("job", *job)) for job in jobs])
@@ -38,7 +38,7 @@ def outcome(jobs, where):
 
 
 @pytest.mark.parametrize("backend", ["sequential", *BACKENDS])
-def test_a_job_that_raises_leaves_its_reason_and_the_rest_goes_on(backend):
+def test_a_job_that_raises_fails_with_its_reason_and_the_others_run(backend):
     jobs = [(math.sqrt, (value,)) for value in (4.0, -1.0, 9.0)]
     first, failure, last = outcome(jobs, Workers(2, backend))
     assert (first, last) == (2.0, 3.0)
@@ -49,17 +49,17 @@ def test_a_job_that_raises_leaves_its_reason_and_the_rest_goes_on(backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.filterwarnings("ignore")  # of the worker that is no more
-def test_a_job_that_kills_its_process_is_tried_alone_and_then_blamed(backend):
+def test_a_job_that_kills_its_process_is_retried_alone_and_then_fails(backend):
     jobs = [(math.sqrt, (4.0,)), (os.abort, ()), *[(math.sqrt, (9.0,))] * 5]
     first, failure, *rest = outcome(jobs, Workers(2, backend))
     assert [first, *rest] == [2.0, *[3.0] * 5]
     assert isinstance(failure, Failure)
     assert failure.tries == TRIES
-    assert failure.reason == "its process was killed by SIGABRT before it answered"
+    assert failure.reason == "its process was killed by SIGABRT before it returned a result"
 
 
 class Chain:
-    """Jobs of which each needs the one before, beside as many that need nothing."""
+    """A chain of jobs, each of which needs the previous one, and as many independent jobs."""
 
     def __init__(self, length):
         self.todo = [f"{side}{i}" for i in range(length) for side in ("chain", "free")]
@@ -89,7 +89,7 @@ class Chain:
 
 @pytest.mark.parametrize("backend", [*BACKENDS, "sequential"])
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_job_is_sent_once_what_it_needs_is_stored(backend, jobs):
+def test_a_job_is_sent_once_the_results_it_needs_are_stored(backend, jobs):
     supply = Chain(5)
     where = Workers(jobs, backend)
     with workers(where), Interrupts() as interrupts:
@@ -102,7 +102,7 @@ def test_a_job_is_sent_once_what_it_needs_is_stored(backend, jobs):
     ]
 
 
-def test_clusters_of_two_runs_do_not_meet():
+def test_two_runs_use_separate_dask_clusters():
     with workers(Workers(1, "dask")):
         assert outcome([(math.sqrt, (4.0,))], Workers(1, "dask")) == [2.0]
 
@@ -118,8 +118,8 @@ sign.unlink()
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.filterwarnings("ignore")
-def test_innocent_jobs_survive_the_death_of_workers_and_processes(backend, times, tmp_path, figure):
-    """Victims are chosen while two are busy: a job that is tried again alone is spared."""
+def test_other_jobs_survive_the_death_of_workers_and_processes(backend, times, tmp_path, figure):
+    """Victims are chosen while two are busy, so that a job that is retried alone survives."""
     draw, over, deaths = np.random.default_rng(0), threading.Event(), []
 
     def kill():
@@ -149,7 +149,7 @@ def test_innocent_jobs_survive_the_death_of_workers_and_processes(backend, times
 
 
 @pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(2, "dask")])
-def test_what_a_call_raises_before_it_is_sent_ends_the_run(where):
+def test_an_error_while_preparing_a_call_ends_the_run(where):
     def missing():
         raise InputError("there is nothing to work on")
 
@@ -163,7 +163,7 @@ def test_what_a_call_raises_before_it_is_sent_ends_the_run(where):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_arguments_as_large_as_demonstrations_arrive(backend):
+def test_jobs_receive_arguments_as_large_as_demonstrations(backend):
     large = np.ones((250, 100, 100))
     jobs = [(np.sum, (large + i,)) for i in range(6)]
     sums = [large.size * (1.0 + i) for i in range(6)]
@@ -171,18 +171,21 @@ def test_arguments_as_large_as_demonstrations_arrive(backend):
 
 
 @pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(1, "dask")])
-def test_a_job_may_not_take_longer_than_the_limit(where):
+def test_a_job_that_exceeds_the_time_limit_fails(where):
     where = replace(where, limit=1)
     endless = "while True:\n try: time.sleep(30)\n except BaseException: pass"
     quick, slow = outcome([(time.sleep, (0.01,)), (exec, ("import time\n" + endless,))], where)
     assert quick is None
-    assert slow.reason == "it took more than 0.0166667 minutes, the limit"
+    assert slow.reason == "it exceeded the limit of 0.0166667 minutes"
 
 
 VICES = {
     "exits": ("import sys; sys.exit(4)", "SystemExit: 4"),
     "interrupts": ("raise KeyboardInterrupt('mine')", "KeyboardInterrupt: mine"),
-    "leaves": ("import os; os._exit(0)", "its process ended with exit code 0 before it answered"),
+    "leaves": (
+        "import os; os._exit(0)",
+        "its process ended with exit code 0 before it returned a result",
+    ),
     "asks": ("input()", "EOFError"),
     "hides": ("class E(Exception):\n def __str__(self): 1/0\nraise E()", "E: "),
     "recurses": ("f = lambda g: g(g)\nf(f)", "RecursionError"),
@@ -191,13 +194,13 @@ VICES = {
 
 @pytest.mark.parametrize("where", [Workers(1), Workers(2, "dask")])
 @pytest.mark.filterwarnings("ignore")
-def test_whatever_a_job_does_is_a_failure_with_its_reason(where):
+def test_every_way_to_fail_gives_a_failure_with_its_reason(where):
     found = outcome([(exec, (code,)) for code, _ in VICES.values()], where)
     for failure, (_, reason) in zip(found, VICES.values(), strict=True):
         assert reason in failure.reason
 
 
-def test_what_a_job_returns_may_be_impossible_to_send():
+def test_a_result_that_cannot_be_pickled_is_a_failure():
     (failure,) = outcome([(eval, ("lambda: 1",))], Workers(1))
     assert "pickle" in failure.reason
 
@@ -223,7 +226,7 @@ STATE = """(
 
 
 @pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(1, "dask")])
-def test_a_job_finds_its_process_as_if_it_were_the_first(where):
+def test_changes_of_a_job_to_its_process_do_not_reach_the_next_job(where):
     before, *_, after = outcome(
         [(eval, (STATE,)), *[(exec, (CHANGES,))] * 4, (eval, (STATE,))], where
     )
@@ -232,7 +235,7 @@ def test_a_job_finds_its_process_as_if_it_were_the_first(where):
     assert before[-1] == 0
 
 
-def test_what_a_job_prints_is_shown_only_with_its_failure(capfd):
+def test_output_of_a_job_is_shown_only_with_its_failure(capfd):
     said = "print('one ' * 20); import os; os.system('echo two'); os._exit(1)"
     quiet, failure = outcome([(exec, ("print('three')",)), (exec, (said,))], Workers(1))
     assert quiet is None
@@ -289,15 +292,15 @@ def marked(process, mark):
     ("where", "answer"),
     [
         (Workers(1, "lok"), "did you mean 'loky'"),
-        (Workers(1, "threading"), "share one memory"),
-        (Workers(1, "multiprocessing"), "share one memory"),
+        (Workers(1, "threading"), "runs jobs in shared memory"),
+        (Workers(1, "multiprocessing"), "runs jobs in shared memory"),
         (Workers(1, "loky", "tcp://127.0.0.1:1"), "--scheduler is for the backend dask"),
         (Workers(1, "dask", "tcp://10.0.0.1:8786"), "takes tls://HOST:PORT"),
         (Workers(1, "dask", "example.org"), "takes tls://HOST:PORT"),
         (Workers(1, "dask", "http://localhost:1"), "takes tls://HOST:PORT"),
     ],
 )
-def test_what_cannot_be_used_is_refused(where, answer):
+def test_unusable_backends_and_schedulers_are_refused(where, answer):
     with pytest.raises(InputError, match=answer), workers(where):
         pass
 
@@ -319,7 +322,9 @@ with workers(where), Interrupts() as interrupts:
 
 
 @pytest.mark.parametrize(("jobs", "times"), [(1, 1), (2, 1), (2, 2)])
-def test_ctrl_c_keeps_what_ends_soon_and_leaves_no_process(jobs, times, tmp_path, ends_within):
+def test_ctrl_c_keeps_results_that_end_soon_and_leaves_no_process(
+    jobs, times, tmp_path, ends_within
+):
     running = subprocess.Popen(
         [sys.executable, "-c", SLEEPERS, str(jobs), str(tmp_path)],
         stdout=subprocess.PIPE,
@@ -352,7 +357,7 @@ def dask_command(*options):
 
 @pytest.fixture
 def encrypted(tmp_path, monkeypatch):
-    """A certificate, where dask's configuration names it here and in new processes."""
+    """A TLS certificate that dask's configuration names, here and in new processes."""
     pair = {"cert": str(tmp_path / "cert.pem"), "key": str(tmp_path / "key.pem")}
     signing = "openssl req -x509 -nodes -newkey rsa:2048 -days 1 -subj /CN=localhost"
     files = ["-keyout", pair["key"], "-out", pair["cert"]]
@@ -368,7 +373,7 @@ def encrypted(tmp_path, monkeypatch):
 
 @pytest.fixture(params=["tcp", "tls"])
 def scheduler(request, tmp_path):
-    """The address of a dask scheduler with one worker, processes of their own."""
+    """The address of a dask scheduler with one worker, in separate processes."""
     if request.param == "tls":
         request.getfixturevalue("encrypted")
     file = tmp_path / "scheduler.json"
@@ -386,7 +391,7 @@ def scheduler(request, tmp_path):
         process.wait()
 
 
-def test_a_dask_scheduler_elsewhere_does_the_jobs(scheduler):
+def test_a_remote_dask_scheduler_runs_the_jobs(scheduler):
     workers_of = Workers(1, "dask", scheduler)
     here, there = os.getpid(), outcome([(os.getpid, ())] * 3, workers_of)
     assert here not in there
@@ -400,13 +405,13 @@ def test_a_dask_scheduler_elsewhere_does_the_jobs(scheduler):
 
 
 def meet_all(where):
-    """Looks at the workers until one that has just been started must be among them."""
+    """Observes the workers long enough to include one that has just started."""
     for _ in range(100):
         with workers(where):
             time.sleep(0.2)
 
 
-def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
     monkeypatch.setattr("bench.dask_backend.PATIENCE", 1)
     with (
         pytest.raises(InputError, match=r"no dask scheduler answers at 'tcp://127.0.0.1:9'"),
@@ -415,7 +420,7 @@ def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
         pass
 
 
-def test_nothing_listens_beyond_this_machine():
+def test_a_local_dask_cluster_listens_on_loopback_only():
     with workers(Workers(2, "dask")):
         me = psutil.Process()
         ports = [

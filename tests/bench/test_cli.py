@@ -40,9 +40,7 @@ def test_list_names_the_four_tasks(bench):
         ("stable_baselines3", "tasks.expert_training", ("expert", "train", "door"), "expert"),
     ],
 )
-def test_an_extra_that_is_missing_is_named(
-    bench, monkeypatch, tmp_path, library, importer, command, extra
-):
+def test_a_missing_extra_is_named(bench, monkeypatch, tmp_path, library, importer, command, extra):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.delitem(sys.modules, importer, raising=False)
@@ -67,7 +65,7 @@ def test_describe_gives_the_facts_of_a_task(bench, task):
     assert tuple(facts["physics"]) == physics_names(task.name)
 
 
-def test_describe_can_be_read_by_a_person(bench, task):
+def test_describe_prints_readable_text(bench, task):
     code, out, _ = bench("describe", task.name)
     assert code == 0
     for expected in ("state x = [x_r, x_o]", task.rule, task.model_hash, "heavy_hand", "THJ0"):
@@ -99,7 +97,7 @@ def test_describe_gives_the_experiments_of_a_preset(bench):
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_describe_tells_what_an_experiment_computes(bench, name):
+def test_describe_gives_the_measure_and_counts_of_an_experiment(bench, name):
     code, out, _ = bench("describe", name, "--json")
     facts = json.loads(out)
     assert (code, facts["kind"], facts["name"]) == (0, "experiment", name)
@@ -147,11 +145,11 @@ def test_an_unknown_name_ends_with_the_nearest_name_and_exit_code_2(bench):
         assert kind in err
 
 
-def test_models_are_told_apart_by_their_hash():
+def test_every_task_has_its_own_model_hash():
     assert len({get_task(name).model_hash for name in TASKS}) == len(TASKS)
 
 
-def test_listing_needs_no_simulator():
+def test_list_does_not_import_the_simulator():
     code = (
         "import sys; from bench.cli import cli_describe; cli_describe.list_names();"
         " sys.exit(any(name in sys.modules for name in ('mujoco', 'torch', 'pandas', 'scipy')))"
@@ -159,7 +157,7 @@ def test_listing_needs_no_simulator():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_tasks_register_no_environments():
+def test_tasks_do_not_import_gymnasium():
     code = (
         "import sys; from tasks.registry import get_task; get_task('door').model;"
         " sys.exit('gymnasium' in sys.modules)"
@@ -167,7 +165,7 @@ def test_tasks_register_no_environments():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_doctor_says_what_there_is_and_what_is_missing(bench, tmp_path, monkeypatch):
+def test_doctor_reports_what_is_present_and_missing(bench, tmp_path, monkeypatch):
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path))
     code, out, _ = bench("doctor", str(tmp_path / "not" / "there"), "--json")
     found = {row["what"]: row for row in json.loads(out)}
@@ -200,7 +198,7 @@ READERS = {
     ],
 )
 @pytest.mark.parametrize("command", READERS.values(), ids=READERS)
-def test_a_folder_without_results_is_refused_and_never_made(
+def test_a_folder_without_results_is_refused_and_not_created(
     bench, tmp_path, monkeypatch, command, what, answer
 ):
     monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
@@ -234,7 +232,7 @@ def every_command():
 
 
 @pytest.mark.parametrize("words", every_command(), ids=" ".join)
-def test_every_command_explains_itself_with_h(bench, words):
+def test_every_command_prints_help_with_h(bench, words):
     code, said, error = bench(*words, "-h")
     assert (code, error) == (0, "")
     assert said == bench(*words, "--help")[1]
@@ -261,20 +259,20 @@ def test_the_version_is_that_of_the_package(bench):
         ("verify", ("--jobs", "1"), "no evaluations to verify yet"),
     ],
 )
-def test_what_has_no_evaluation_yet_is_refused(bench, tmp_path, command, options, answer):
+def test_commands_refuse_results_without_evaluations(bench, tmp_path, command, options, answer):
     ResultsWriter(tmp_path).ask_for([])
     code, said, error = bench(command, str(tmp_path), *options)
     assert (code, said) == (2, "")
     assert answer in error
 
 
-def test_nothing_is_timed_where_there_is_no_evaluation_yet(bench, tmp_path):
+def test_time_measures_nothing_without_evaluations(bench, tmp_path):
     ResultsWriter(tmp_path).ask_for([])
     code, said, _ = bench("time", str(tmp_path))
     assert (code, said) == (0, f"0 fits timed in {tmp_path}\n")
 
 
-def test_status_tells_of_one_try_and_of_several(bench, tmp_path):
+def test_status_prints_the_number_of_tries(bench, tmp_path):
     store = ResultsWriter(tmp_path)
     store.ask_for([])
     for said in ("failed (1 try): door-nn-s1: why", "failed (2 tries): door-nn-s1: why"):
@@ -301,7 +299,7 @@ OUTPUTS = {
 
 @pytest.mark.parametrize("where", ["file", "below a file", "/proc/out"])
 @pytest.mark.parametrize("command", OUTPUTS.values(), ids=OUTPUTS)
-def test_what_cannot_be_written_to_is_refused_before_any_work(
+def test_unwritable_folders_are_refused_before_any_work(
     bench, tmp_path, monkeypatch, command, where
 ):
     monkeypatch.setattr("bench.renderer.renderer", lambda: "egl")
@@ -342,7 +340,7 @@ def test_an_empty_path_is_refused_and_is_not_the_current_folder(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_doctor_says_what_cannot_be_written_to(bench, tmp_path, monkeypatch):
+def test_doctor_reports_unwritable_folders(bench, tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "file"))
     found = json.loads(bench("doctor", str(tmp_path / "file"), "--json")[1])
@@ -351,7 +349,7 @@ def test_doctor_says_what_cannot_be_written_to(bench, tmp_path, monkeypatch):
     assert "is no folder; choose another place" in advice[f"disk at {tmp_path}/file"]
 
 
-def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, monkeypatch):
+def test_a_failed_export_keeps_the_existing_file(bench, tmp_path, monkeypatch):
     def fail(self, path, **options):
         path.write_text("half")
         raise OSError(28, "No space left on device")
@@ -374,7 +372,7 @@ def test_an_export_that_fails_leaves_the_file_that_was_there(bench, tmp_path, mo
     assert (tmp_path / "file").read_text() == "old"
 
 
-def test_a_report_of_the_shipped_results_says_in_full_where_it_wrote(bench, tmp_path, monkeypatch):
+def test_report_of_the_shipped_results_prints_full_paths(bench, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     made = Report([], {}, [], Path("report/index.html"))
     monkeypatch.setattr("reports.write.write_report", lambda *arguments: made)

@@ -1,4 +1,4 @@
-"""Demonstrations of one's own: recorded from a policy, or made of arrays."""
+"""Demonstrations of a user: recorded from a policy, or made from arrays."""
 
 import os
 import re
@@ -66,7 +66,7 @@ def dies(state, t):
 
 @pytest.fixture
 def policy(task, tmp_path, monkeypatch):
-    """A file of policies in the current folder, and a file beside it that it imports."""
+    """A file of policies in the current folder, and a second file that it imports."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     with open("my_policy.py", "w") as file:
@@ -77,7 +77,7 @@ def policy(task, tmp_path, monkeypatch):
 
 @pytest.fixture
 def here(shipped, monkeypatch):
-    """Jobs are done in this process, which knows the patches of a test."""
+    """Runs jobs in this process, where the patches of a test apply."""
 
     def call(job, *arguments):
         found = job(*arguments)
@@ -109,7 +109,7 @@ def test_successes_of_a_policy_are_recorded(task, policy, here, bench, name):
     )
 
 
-def test_a_study_learns_from_what_was_recorded(task, policy, smoke, here, bench, tmp_path):
+def test_a_study_learns_from_recorded_demonstrations(task, policy, smoke, here, bench, tmp_path):
     record = ("record", "door", "--policy", "my_policy.py:act", "--out", "mine.safetensors")
     assert bench("demos", *record, "--count", "5")[0] == 0
     run = ("run", "smoke", "--jobs", "1", "--episodes", "2", "--out", "results")
@@ -133,10 +133,10 @@ def test_a_study_learns_from_what_was_recorded(task, policy, smoke, here, bench,
         ("no_such_module:act", "no_such_module cannot be imported: ModuleNotFoundError"),
     ],
 )
-def test_a_policy_that_cannot_be_used_is_named_and_nothing_written(
+def test_an_unusable_policy_is_named_and_nothing_is_written(
     task, policy, bench, tmp_path, place, answer
 ):
-    """In a process of its own, as for a user."""
+    """The policy runs in a separate process, as for a user."""
     code, out, error = bench("demos", "record", "door", "--policy", place, "--out", "../a/mine")
     assert (code, out) == (2, "")
     assert answer in error
@@ -160,7 +160,7 @@ def arrays(task, shipped):
     return {"actions": made.actions, "starts": made.starts.values, "states": made.states}
 
 
-def test_arrays_become_demonstrations_of_what_succeeds_on_replay(task, arrays, bench, tmp_path):
+def test_from_arrays_keeps_the_episodes_that_succeed_on_replay(task, arrays, bench, tmp_path):
     np.savez(tmp_path / "mine.npz", velocities=np.zeros(3), **arrays)
     out = tmp_path / "mine.safetensors"
     code, said, error = bench(
@@ -169,7 +169,7 @@ def test_arrays_become_demonstrations_of_what_succeeds_on_replay(task, arrays, b
     assert code == 0
     assert "mine.npz: not read: velocities; arrays read are actions, starts, states" in error
     assert "door: 5 of 8 episodes successful on replay\nepisodes that fail: 0, 3, 6" in said
-    assert "given states differ from those of the replay by at most 0" in said
+    assert "the given states differ from the replay by at most 0" in said
     kept = [1, 2, 4, 5, 7]
     training, validation = suite.demos("door", out)
     states = np.concatenate([training.states, validation.states])
@@ -183,14 +183,14 @@ def test_arrays_become_demonstrations_of_what_succeeds_on_replay(task, arrays, b
         found.save(out)
 
 
-def test_states_that_are_not_those_of_the_replay_are_measured(task, arrays):
+def test_from_arrays_measures_how_far_given_states_differ(task, arrays):
     found = suite.demos_from_arrays("door", **arrays | {"states": arrays["states"] + 0.25})
     assert found.drift == pytest.approx(0.25)
     del arrays["states"]
     assert suite.demos_from_arrays("door", **arrays).drift is None
 
 
-def test_actions_act_and_are_kept_clipped(task, arrays):
+def test_actions_are_applied_and_stored_clipped(task, arrays):
     found = suite.demos_from_arrays(
         "door", actions=np.sign(arrays["actions"]) * 7, starts=arrays["starts"]
     )
@@ -211,7 +211,7 @@ def test_actions_act_and_are_kept_clipped(task, arrays):
         ("starts", lambda a: a[:0], "starts of door holds no episodes"),
     ],
 )
-def test_arrays_that_are_not_episodes_are_refused(task, arrays, name, change, answer):
+def test_arrays_of_other_shapes_or_values_are_refused(task, arrays, name, change, answer):
     with pytest.raises(InputError, match=answer):
         suite.demos_from_arrays("door", **arrays | {name: change(arrays[name])})
 
@@ -263,9 +263,7 @@ def test_a_file_with_another_ending_is_refused(task, arrays, bench, tmp_path):
     assert (code, "mine.zip must end in .npz" in error) == (2, True)
 
 
-def test_every_command_that_writes_takes_relative_paths(
-    task, policy, here, arrays, bench, tmp_path
-):
+def test_every_writing_command_accepts_relative_paths(task, policy, here, arrays, bench, tmp_path):
     np.savez("mine.npz", **arrays)
     for words in (
         ("export", "door", "../set"),
@@ -281,7 +279,7 @@ def test_every_command_that_writes_takes_relative_paths(
         assert sum(map(len, suite.demos("door", file))) == 5
 
 
-def test_a_run_of_several_tasks_takes_a_file_for_each(task, smoke, bench, tmp_path):
+def test_a_run_of_several_tasks_takes_one_file_for_each_task(task, smoke, bench, tmp_path):
     tool = get_task("tool")
     files = [tmp_path / name for name in ("door.safetensors", "tool.safetensors")]
     save_demos(load_demos(task)[:5], files[0])

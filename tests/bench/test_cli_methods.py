@@ -1,4 +1,4 @@
-"""A method of one's own, from `bench new-method` to the report, in a package that pip installs."""
+"""A user's method, from `bench new-method` to the report, in a package that pip installs."""
 
 import importlib
 import json
@@ -31,13 +31,13 @@ def fenced(kind, *sections):
 
 
 def shapes(text):
-    """Returns the lines of a text without the values of their numbers."""
+    """Returns the lines of a text with the numbers masked."""
     return [" ".join(re.sub(r"[-+]?\d+(\.\d+)?", "#", line).split()) for line in text.splitlines()]
 
 
 @pytest.fixture
 def follow(reference, bench, tmp_path, monkeypatch):
-    """Does what the shell blocks of sections say; returns what was printed."""
+    """Runs the shell blocks of sections; returns their output."""
     reference(episodes={"success": 200})
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     site = tmp_path / "site"
@@ -70,7 +70,7 @@ def follow(reference, bench, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_the_tutorial_leads_from_nothing_to_a_number_and_to_the_tables(task, follow):
+def test_the_tutorial_runs_from_new_method_to_the_tables(task, follow):
     said = shapes(follow("From nothing to a number"))
     (shown,) = fenced("", "From nothing to a number")
     first = said.index(shapes(shown)[0])
@@ -117,21 +117,21 @@ def test_a_new_method_refuses_to_average_no_neighbours(bench, tmp_path, monkeypa
         *("methods", "bench", "door", "paper", "audit"),
     ],
 )
-def test_names_that_will_not_do_are_refused(bench, tmp_path, name):
+def test_new_method_refuses_unusable_names(bench, tmp_path, name):
     code, _, error = bench("new-method", name, "--folder", str(tmp_path))
     assert code == 2
     assert f"a method cannot be called {name!r}" in error
     assert list(tmp_path.iterdir()) == []
 
 
-def test_nothing_is_overwritten(bench, tmp_path):
+def test_new_method_overwrites_nothing(bench, tmp_path):
     (tmp_path / "mine").mkdir()
     code, _, error = bench("new-method", "mine", "--folder", str(tmp_path))
     assert code == 2
     assert "exists already" in error
 
 
-def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkeypatch):
+def test_new_method_leaves_nothing_if_writing_fails(bench, tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError(28, "No space left on device")
 
@@ -143,7 +143,7 @@ def test_a_package_that_cannot_be_written_leaves_nothing(bench, tmp_path, monkey
     assert bench("new-method", "mine", "--folder", str(tmp_path / "new"))[0] == 0
 
 
-def test_check_says_how_many_rules_hold_and_which(bench):
+def test_check_prints_the_number_and_names_of_the_rules_that_hold(bench):
     code, said, _ = bench("check", "nn")
     assert code == 0
     assert said.startswith("nn: 17 of 17 rules hold for each of 2 variants, ")
@@ -185,7 +185,7 @@ class Altered(Kodex):
 """
 
 
-def test_check_names_what_is_broken_once_with_its_line(bench, package):
+def test_check_prints_each_broken_rule_once_with_its_line(bench, package):
     package("def fit(self, demos, validation, seed):\n    {}['learning_rate']\n")
     code, said, _ = bench("check", "altered")
     assert code == 3
@@ -214,7 +214,7 @@ def test_check_names_the_variant_that_breaks_a_rule(bench, package):
     assert all(row["passed"] for row in rows if row["variant"] == "described")
 
 
-def test_what_a_method_prints_is_counted_and_begins_to_be_shown(bench, package):
+def test_check_counts_the_lines_a_method_prints_and_shows_the_first(bench, package):
     package(
         "def rollout(self, start, steps):\n"
         "    ctypes.CDLL(None).puts(b'told by C')\n"
@@ -223,7 +223,7 @@ def test_what_a_method_prints_is_counted_and_begins_to_be_shown(bench, package):
     )
     code, said, error = bench("check", "altered")
     assert (code, error) == (0, "")
-    assert re.search(r"It printed [\d,]{4,} lines, which begin:\n       \| imported\n", said)
+    assert re.search(r"It printed [\d,]{4,} lines; the first are:\n       \| imported\n", said)
     assert said.count("one\n") <= 3
 
 

@@ -14,7 +14,7 @@ from tasks.demos import demos_path
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
 
-def test_evaluate_gives_success_with_its_interval(task, shipped, bench):
+def test_evaluate_gives_the_success_rate_with_its_interval(task, shipped, bench):
     code, out, _ = bench("expert", "evaluate", "door", "--episodes", "30", "--json")
     result = json.loads(out)
     low, high = proportion_confint(20, 30, method="wilson")
@@ -32,7 +32,7 @@ def test_evaluate_gives_success_with_its_interval(task, shipped, bench):
     }
 
 
-def test_evaluate_can_be_read_by_a_person(task, shipped, bench):
+def test_evaluate_prints_readable_text(task, shipped, bench):
     options = ("--episodes", "3", "--split", "ood", "--physics", "heavy_hand")
     code, out, _ = bench("expert", "evaluate", "door", *options)
     assert code == 0
@@ -47,14 +47,14 @@ def test_evaluate_can_be_read_by_a_person(task, shipped, bench):
         ("--episodes", "0", "Invalid value for '--episodes'"),
     ],
 )
-def test_what_cannot_be_evaluated_is_a_usage_error(task, shipped, bench, option, value, answer):
+def test_evaluate_refuses_invalid_values(task, shipped, bench, option, value, answer):
     code, out, err = bench("expert", "evaluate", "door", option, value)
     assert (code, out) == (2, "")
     assert answer in err
 
 
 @pytest.mark.parametrize(("command", "option"), [("train", "--threads"), ("probe", "--episodes")])
-def test_nothing_is_trained_or_probed_with_none(task, shipped, bench, tmp_path, command, option):
+def test_train_and_probe_refuse_counts_of_zero(task, shipped, bench, tmp_path, command, option):
     folder = tmp_path / "training"
     code, out, err = bench("expert", command, "door", "--folder", str(folder), option, "0")
     assert (code, out) == (2, "")
@@ -69,7 +69,7 @@ def test_nothing_is_trained_or_probed_with_none(task, shipped, bench, tmp_path, 
         ("nominal", ("nominal",), ("original", *(f"original-{seed}" for seed in (2, 3, 4, 5)))),
     ],
 )
-def test_motions_are_tracked_by_each_of_the_controllers(
+def test_track_gives_the_success_of_each_controller(
     task, shipped, bench, monkeypatch, physics, motions, controllers
 ):
     monkeypatch.setattr("bench.controller.ControllerConfig", partial(ControllerConfig, epochs=1))
@@ -81,7 +81,7 @@ def test_motions_are_tracked_by_each_of_the_controllers(
     assert {(row["success"], row["episodes"]) for row in json.loads(out)} == {(4 / 6, 6)}
 
 
-def test_motions_are_not_tracked_in_unknown_physics(task, shipped, bench):
+def test_track_refuses_unknown_physics(task, shipped, bench):
     code, out, err = bench("expert", "track", "door", "heavy_hands")
     assert (code, out) == (2, "")
     assert "did you mean 'heavy_hand'" in err
@@ -105,7 +105,7 @@ def test_demonstrations_are_made_exported_and_imported(task, shipped, bench, tmp
     assert "5 of 8" in out
 
 
-def test_no_demonstrations_are_made_if_a_name_is_wrong(task, shipped, bench):
+def test_demos_make_records_nothing_if_a_name_is_wrong(task, shipped, bench):
     code, _, err = bench("demos", "make", "door", "relocate")
     assert code == 2
     assert "did you mean 'relocation'" in err
@@ -128,7 +128,7 @@ def test_a_folder_that_does_not_exist_is_named(task, shipped, bench, tmp_path, c
     assert "does not exist" in err
 
 
-def test_an_import_replaces_no_file(task, shipped, bench, tmp_path):
+def test_an_import_does_not_replace_a_file(task, shipped, bench, tmp_path):
     file = tmp_path / "door.safetensors"
     file.write_text("mine")
     code, _, err = bench("demos", "import", "door", str(tmp_path / "set"), "--out", str(file))
@@ -137,14 +137,14 @@ def test_an_import_replaces_no_file(task, shipped, bench, tmp_path):
     assert file.read_text() == "mine"
 
 
-def test_nothing_is_made_for_an_export_to_what_exists(task, shipped, bench, tmp_path):
+def test_an_export_to_an_existing_folder_records_nothing(task, shipped, bench, tmp_path):
     code, _, err = bench("demos", "export", "door", str(tmp_path))
     assert code == 2
     assert f"{tmp_path} exists already" in err
     assert not demos_path(task).exists()
 
 
-def test_an_expert_is_not_trained_where_it_cannot_be_kept(task, shipped, bench, tmp_path):
+def test_train_refuses_an_unwritable_folder(task, shipped, bench, tmp_path):
     (tmp_path / "cache").touch()
     code, _, err = bench("expert", "train", "door")
     assert code == 2
@@ -165,7 +165,7 @@ def test_an_import_without_a_success_writes_nothing(task, shipped, bench, tmp_pa
     assert not file.exists()
 
 
-def test_a_folder_that_is_no_data_set_changes_nothing(task, shipped, bench, tmp_path):
+def test_an_import_refuses_a_folder_without_a_data_set(task, shipped, bench, tmp_path):
     file = tmp_path / "door.safetensors"
     code, _, err = bench("demos", "import", "door", str(tmp_path), "--out", str(file))
     assert code == 2

@@ -1,4 +1,4 @@
-"""The clock of a run, against a run that is simulated job by job."""
+"""The clock of a run, compared with a run that is simulated job by job."""
 
 import heapq
 
@@ -67,7 +67,7 @@ def of_kinds(spread=0.0, common=1.0):
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5, 100])
-def test_right_costs_give_the_right_time_from_the_beginning(workers):
+def test_correct_costs_give_the_correct_time_from_the_start(workers):
     for at in (0.0, 0.1, 0.5, 0.9):
         total, estimate = simulate(workers, of_kinds(), at)
         assert estimate == pytest.approx(total, rel=0.02)
@@ -76,12 +76,12 @@ def test_right_costs_give_the_right_time_from_the_beginning(workers):
 @pytest.mark.parametrize("common", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("spread", [0.0, 0.25])
 @pytest.mark.parametrize("workers", [1, 2, 4])
-def test_after_a_tenth_the_estimate_is_within_30_per_cent_of_the_truth(workers, spread, common):
+def test_after_a_tenth_of_a_run_the_estimate_is_within_30_per_cent(workers, spread, common):
     total, estimate = simulate(workers, of_kinds(spread, common))
     assert estimate == pytest.approx(total, rel=0.3)
 
 
-def test_the_factor_of_the_machine_counts_before_any_job_has_ended():
+def test_the_machine_factor_applies_until_jobs_have_ended():
     queue = JobQueue([job(name, 10) for name in "abc"])
     assert Clock(queue, 1, 0.0, factor=2.0).left(0.0) == 60
 
@@ -96,7 +96,7 @@ def test_the_first_job_of_an_unknown_kind_prices_the_rest():
     assert clock.left(100.0) == pytest.approx(300)
 
 
-def test_a_running_job_counts_with_its_time_and_a_late_one_raises_the_price_of_its_kind():
+def test_a_late_job_raises_the_price_of_its_kind():
     queue = JobQueue([job(name, 10) for name in "ab"])
     clock = Clock(queue, 1, 0.0)
     clock.start(queue.take(), 0.0)
@@ -104,7 +104,7 @@ def test_a_running_job_counts_with_its_time_and_a_late_one_raises_the_price_of_i
     assert clock.left(100.0) > 50
 
 
-def test_failed_results_are_counted_apart_from_those_done():
+def test_failed_results_are_counted_separately():
     queue = JobQueue([job("s1 s2", 20), job("e1", needs=("s1",), kind="evaluations")])
     clock = Clock(queue, 2, 0.0)
     pair = queue.take()
@@ -124,7 +124,7 @@ def test_failed_results_are_counted_apart_from_those_done():
     assert counted(clock.state(60.0)) == "fits 1/2 (1 failed)"
 
 
-def test_a_job_that_is_tried_again_starts_again():
+def test_the_time_of_a_retried_job_starts_again():
     queue = JobQueue([job("one", 10)])
     clock = Clock(queue, 1, 0.0)
     one = queue.take()
@@ -146,7 +146,7 @@ def test_a_job_that_waits_for_a_worker_does_not_count_as_running():
     assert clock.state(15.0)["now"] == [{"label": "two", "seconds": 5.0}]
 
 
-def test_times_are_told_in_words():
+def test_durations_are_printed_in_fitting_units():
     assert [duration(s) for s in (3, 119, 120, 7300)] == ["3 s", "119 s", "2 min", "2 h"]
     state = {"gone": 360, "left": 840}
     assert headline(state) == "6 min gone, about 14 min left (20 min in all)"

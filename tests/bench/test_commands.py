@@ -1,4 +1,4 @@
-"""Commands of packages: folders on the path of a process of its own."""
+"""Commands of packages, which are folders on the path of a separate process."""
 
 import os
 import subprocess
@@ -19,7 +19,7 @@ BROKEN = {
 
 @pytest.fixture
 def run(tmp_path):
-    """Runs `bench` with packages, by name what their command is called and their module."""
+    """Runs `bench` with packages, given by name with their command and module."""
 
     def call(packages, *words):
         for package, (command, text) in packages.items():
@@ -44,7 +44,7 @@ def run(tmp_path):
     return call
 
 
-def test_a_command_of_a_package_is_run(run):
+def test_a_command_of_a_package_runs(run):
     assert run({"good": ("hello", WORKS)}, "hello") == (0, "hello\n", "")
 
 
@@ -63,11 +63,11 @@ def test_two_packages_with_one_command_are_both_named(run):
     packages = {"first": ("hello", WORKS), "second": ("hello", WORKS)}
     code, _, error = run(packages, "hello")
     assert code == 2
-    assert "first and second bring the same command 'hello'" in error
+    assert "first and second provide the same command 'hello'" in error
 
 
 def test_a_package_does_not_replace_a_command_of_the_suite(run):
     packages = {"evil": ("list", WORKS), "other": ("pack", WORKS)}
     assert "kodex" in run(packages, "list")[1]
-    assert "evil brings a command 'list', which bench has" in run(packages, "doctor")[1]
-    assert "kodex-bench and other bring the same command" in run(packages, "pack")[2]
+    assert "evil provides a command 'list', which bench has" in run(packages, "doctor")[1]
+    assert "kodex-bench and other provide the same command" in run(packages, "pack")[2]

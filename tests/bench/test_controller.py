@@ -31,7 +31,7 @@ def test_layers_are_those_of_table_6(demos):
     }
 
 
-def test_actions_are_those_of_the_same_network_in_torch(demos):
+def test_actions_equal_those_of_the_same_network_in_torch(demos):
     weights = train_controller(CONFIG, demos, "toy")
     present, wanted = generator("present").standard_normal((2, 7, 3))
     x = torch.tensor(np.concatenate([present, wanted], axis=1), dtype=torch.float32)
@@ -43,7 +43,7 @@ def test_actions_are_those_of_the_same_network_in_torch(demos):
     np.testing.assert_allclose(Controller(weights).act(present, wanted), x.numpy(), atol=1e-6)
 
 
-def test_training_is_repeatable_and_leaves_the_global_stream_alone(demos):
+def test_training_is_repeatable_and_does_not_touch_the_global_random_stream(demos):
     first = train_controller(CONFIG, demos, "toy")
     torch.manual_seed(5)
     expected = torch.rand(3)
@@ -56,7 +56,7 @@ def test_training_is_repeatable_and_leaves_the_global_stream_alone(demos):
     assert any((other[name] != array).any() for name, array in first.items())
 
 
-def test_the_controller_learns_what_it_is_shown(demos):
+def test_the_controller_reproduces_its_training_actions(demos):
     config = ControllerConfig(epochs=400, batch_size=8, learning_rate=3e-3)
     controller = Controller(train_controller(config, demos, "toy"))
     q = demos.states[:, :, :3]

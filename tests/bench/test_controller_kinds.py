@@ -52,7 +52,7 @@ def test_every_field_of_a_controller_changes_its_key():
         ("tunned", "heavy_hand", "unknown kind of controller 'tunned': .* did you mean 'tuned'"),
     ],
 )
-def test_a_kind_or_physics_that_does_not_exist_together_is_refused(kind, physics, answer):
+def test_an_invalid_kind_or_physics_of_a_controller_is_refused(kind, physics, answer):
     with pytest.raises(InputError, match=answer):
         ControllerSpec("door", kind, ControllerConfig(), 10, "key", physics)
 

@@ -1,4 +1,4 @@
-"""Whatever a user writes is understood or refused by InputError; --times says how thoroughly."""
+"""Any input of a user is accepted or refused with an InputError; --times sets the effort."""
 
 import json
 import shutil
@@ -63,7 +63,7 @@ def understood(call):
         call()
 
 
-def test_any_command_line_is_understood_or_refused(times):
+def test_any_command_line_is_accepted_or_refused(times):
     @settings(max_examples=50 * times)
     @given(
         preset=WORDS,
@@ -79,7 +79,7 @@ def test_any_command_line_is_understood_or_refused(times):
     fuzz()
 
 
-def test_any_value_of_a_config_is_understood_or_refused(times):
+def test_any_value_of_a_config_is_accepted_or_refused(times):
     @settings(max_examples=100 * times)
     @given(preset=st.sampled_from(["smoke", "paper"]), place=st.sampled_from(FIELDS), value=VALUES)
     def fuzz(preset, place, value):
@@ -94,7 +94,7 @@ def test_any_value_of_a_config_is_understood_or_refused(times):
 
 
 @pytest.mark.parametrize("place", FIELDS, ids=".".join)
-def test_a_value_that_is_understood_can_be_learnt_with(place):
+def test_a_method_can_be_fitted_with_any_accepted_value(place):
     for preset, value in product(("smoke", "audit"), (-1, 0, 1, 2, 0.5, [], [0], [1], [2, 1])):
         study = replace(STUDIES[preset], methods=(place[0],), settings={place: value})
         try:
@@ -108,13 +108,13 @@ def test_a_value_that_is_understood_can_be_learnt_with(place):
 
 
 def spliced(content, place, values):
-    """Some bytes in place of as many."""
+    """Replaces some bytes by as many others."""
     place %= len(content)
     return content[:place] + values + content[place + len(values) :]
 
 
 def resealed(content, place, value):
-    """A record whose digest fits, with another value somewhere in it."""
+    """A record with a changed value and a matching digest."""
     record = json.loads(content)
     record.pop("self")
     *outer, last = (paths := list(paths_in(record)))[place % len(paths)]
@@ -126,7 +126,7 @@ def resealed(content, place, value):
 
 
 def paths_in(record, above=()):
-    """The way to everything in nested dictionaries."""
+    """The path of every value in nested dictionaries."""
     for name, inner in record.items():
         yield (*above, name)
         if isinstance(inner, dict):

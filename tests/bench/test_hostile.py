@@ -1,4 +1,4 @@
-"""A package of methods with a vice each, beside methods of the suite, which must not notice."""
+"""Misbehaving methods of a package, which must not affect the methods of the suite."""
 
 import os
 import shutil
@@ -26,16 +26,16 @@ FAILING = {
     "enums": "{'kind': <Kind.GOOD: 'good'>} cannot be stored",
     "exits": "SystemExit: 4 (hostile.py:",
     "floods": "killed by SIGABRT",
-    "hangs": "minutes, the limit",
+    "hangs": "it exceeded the limit of",
     "hides": "SecretError: its message cannot be shown (hostile.py:",
     "import_exits": "SystemExit: this module ends the program (hostile_exit.py:3)",
-    "import_leaves": "ended with exit code 0 before it answered",
+    "import_leaves": "ended with exit code 0 before it returned a result",
     "imports": "No module named 'no_such_module_anywhere' (hostile_import.py:1)",
     "interrupts": "KeyboardInterrupt",
     "kills": "killed by SIGKILL",
     "kinds": "all sizes must have configs of one class, got Config, Wider",
     "lambdas": "cannot be stored",
-    "leaves": "ended with exit code 0 before it answered",
+    "leaves": "ended with exit code 0 before it returned a result",
     "lists": "must return a NumPy array of floats, got list",
     "longs": "holds 'states', numpy.ndarray of float128",
     "masks": "must return a NumPy array of floats, got numpy.ma.MaskedArray",
@@ -49,12 +49,12 @@ FAILING = {
     "tells": "RuntimeError: see above",
     "writes": "wrote to the demonstrations",
 }
-"""By method what its failure says; the others have sound results."""
+"""By method, what its failure says; the other methods have results."""
 
 
 @pytest.fixture(scope="module")
 def command(tmp_path_factory):
-    """Runs `bench` with the package installed; returns the exit code and all that was printed."""
+    """Runs `bench` with the package installed; returns the exit code and the output."""
     place = tmp_path_factory.mktemp("hostile")
     package = shutil.copytree(PACKAGE, place / "package")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
@@ -95,7 +95,9 @@ PLACES = (("loky", 2), ("loky", 1), ("dask", 2))
     ("backend", "jobs"),
     [PLACES[0], *(pytest.param(*place, marks=pytest.mark.long) for place in PLACES[1:])],
 )
-def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, jobs, files_of):
+def test_a_misbehaving_method_does_not_affect_others(
+    command, clean, tmp_path, backend, jobs, files_of
+):
     out = Path("results", backend, str(jobs))
     code, said = command(*study(out, "kodex", "nn", *METHODS), "--jobs", jobs, "--backend", backend)
     assert code == 3, said
@@ -121,7 +123,7 @@ def test_no_vice_of_a_method_reaches_another(command, clean, tmp_path, backend, 
     assert set(table.index) == {"kodex", "nn", *METHODS} - {*FAILING}
 
 
-def test_check_survives_what_it_checks(command):
+def test_check_survives_misbehaving_methods(command):
     code, said = command("check", "leaves")
     assert (code, said.count("BROKEN")) == (3, 1)
     assert "exit code 0" in said

@@ -1,4 +1,4 @@
-"""The order of jobs: needs are met, long chains go first, failures reach only what needs them."""
+"""The order of jobs: needs are met, long chains go first, failures drop only dependent jobs."""
 
 import pytest
 from fake_jobs import job
@@ -20,7 +20,7 @@ def taken(queue):
     return names
 
 
-def test_a_job_starts_once_all_that_it_needs_exists():
+def test_a_job_starts_once_all_results_it_needs_exist():
     queue = JobQueue([job("fit"), job("controller"), job("tested", needs=("fit", "controller"))])
     assert set(taken(queue)) == {"fit", "controller"}
     assert queue.blocked
@@ -31,7 +31,7 @@ def test_a_job_starts_once_all_that_it_needs_exists():
     assert not queue.blocked
 
 
-def test_a_need_that_no_job_makes_is_met():
+def test_a_result_that_no_job_makes_counts_as_existing():
     assert taken(JobQueue([job("tested", needs=("stored",))])) == ["tested"]
 
 
@@ -42,7 +42,7 @@ def test_the_job_with_the_longest_chain_goes_first():
     assert taken(queue) == ["short", "long", "tiny"]
 
 
-def test_what_needs_a_failed_result_is_dropped_and_what_comes_after_it_is_not():
+def test_a_failed_result_drops_jobs_that_need_it_but_not_those_after_it():
     jobs = [
         job("fit"),
         job("tested", needs=("fit",)),
@@ -57,7 +57,7 @@ def test_what_needs_a_failed_result_is_dropped_and_what_comes_after_it_is_not():
     assert taken(queue) == ["other"]
 
 
-def test_what_another_job_makes_is_not_made_twice():
+def test_a_result_is_made_by_one_job_only():
     queue = JobQueue([job("controller")])
     queue.take()
     queue.add([job("controller")])
@@ -85,7 +85,7 @@ def test_long_jobs_are_divided_until_no_worker_waits_for_them(workers):
         assert len(queue.waiting) == 21
 
 
-def test_running_jobs_count_with_the_time_that_they_still_take():
+def test_running_jobs_count_with_their_remaining_time():
     jobs = [job("a", 5), job("b", 5), job("c", 3), job("d", 1)]
     assert finishing_time(jobs, 2, seconds, {"c": 3.0, "d": 1.0}) == 8
     assert finishing_time(jobs[2:], 1, seconds, {"c": 3.0, "d": 4.0}) == 4
@@ -106,15 +106,15 @@ def studies(draw):
 
 
 @given(studies(), st.integers(1, 20))
-def test_no_schedule_is_twice_as_long_as_it_must_be(jobs, workers):
-    """The bound of Graham for any schedule in which no worker waits while a job is possible."""
+def test_a_schedule_takes_at_most_the_work_per_worker_and_the_longest_chain(jobs, workers):
+    """Graham's bound holds for any schedule in which no worker waits while a job is ready."""
     total, chain = sum(map(seconds, jobs)), JobQueue(jobs).longest_chain(seconds)
     made = finishing_time(jobs, workers, seconds)
     assert max(total / workers, chain) - 1e-6 <= made <= total / workers + chain + 1e-6
 
 
 @given(studies(), st.integers(1, 5), st.integers(0, 10))
-def test_every_job_ends_unless_it_needs_what_failed(jobs, workers, failing):
+def test_every_job_ends_unless_it_needs_a_failed_result(jobs, workers, failing):
     queue, done = JobQueue(jobs), set()
     bad = name_of(jobs[failing % len(jobs)])
     while running := [found for _ in range(workers) if (found := queue.take())]:

@@ -14,19 +14,19 @@ OOD = Wanted(FIT, Name("eval-ood", KEYS[3]), 10, TRACKER)
 EXPERT = Wanted(Name("door-expert", KEYS[4]), Name("eval-test", KEYS[5]), 20)
 
 
-def test_a_manifest_comes_back_from_its_file(tmp_path):
+def test_a_manifest_is_read_as_it_was_written(tmp_path):
     assert read_manifest(tmp_path) == Manifest()
     manifest = Manifest().extended([TEST, OOD, EXPERT], "reduced")
     (tmp_path / "study.json").write_bytes(manifest.to_bytes())
     assert read_manifest(tmp_path) == manifest
 
 
-def test_the_order_of_studies_makes_no_difference():
+def test_the_order_of_studies_does_not_change_the_manifest():
     one = Manifest().extended([TEST]).extended([EXPERT, OOD])
     assert one == Manifest().extended([OOD, EXPERT]).extended([TEST])
 
 
-def test_more_episodes_of_an_evaluation_replace_fewer_and_notes_stand_once():
+def test_the_last_requested_episodes_count_and_notes_appear_once():
     manifest = Manifest().extended([TEST, OOD], "a").extended([replace(TEST, episodes=30)], "b")
     assert {one.episodes for one in manifest.wanted} == {30, 10}
     assert manifest.extended([], "a").notes == ("a", "b")

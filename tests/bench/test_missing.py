@@ -34,7 +34,7 @@ def study(smoke):
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Counts what the jobs of a run make; controllers are trained anew and chunks are small."""
+    """Counts the results of the jobs of a run; controllers are not cached and chunks are small."""
     made = dict.fromkeys(KINDS, 0)
 
     def watch(name, count):
@@ -57,7 +57,7 @@ def counted(monkeypatch):
 
 
 def lose(path, loss, left):
-    """Harms a file of results."""
+    """Damages a file of results."""
     if loss == "removed":
         path.unlink()
     elif loss == "damaged":

@@ -30,7 +30,7 @@ def door(task, smoke):
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
 
-def test_results_are_opened_with_their_fits(door, bench, tmp_path):
+def test_open_gives_tables_and_fitted_methods(door, bench, tmp_path):
     bench(*RUN, "--seeds", "2,3", "--out", str(tmp_path))
     found = suite.open(tmp_path)
     assert {"kodex", "nn"} == set(found.frame.method)
@@ -66,7 +66,7 @@ def test_a_fit_of_another_version_is_not_loaded(door, bench, tmp_path, monkeypat
         suite.open(tmp_path).methods("door")["kodex"]
 
 
-def test_packed_results_have_tables_and_no_fits(door, bench, tmp_path):
+def test_packed_results_open_with_tables_but_no_fits(door, bench, tmp_path):
     mine, small = tmp_path / "mine", tmp_path / "small"
     bench(*RUN, "--out", str(mine))
     bench("pack", str(mine), "--out", str(small))
@@ -75,7 +75,7 @@ def test_packed_results_have_tables_and_no_fits(door, bench, tmp_path):
         suite.open(small).methods("door")
 
 
-def test_the_shipped_results_are_opened_without_a_folder(task):
+def test_open_without_a_folder_gives_the_shipped_results(task):
     found = suite.open()
     assert set(found.frame.task) == {"tool", "door", "relocation", "reorientation"}
     assert len(found.episodes) == found.frame.episodes.sum()
@@ -94,7 +94,7 @@ def test_a_folder_without_results_is_named(task, tmp_path, opener):
 @pytest.mark.parametrize(
     "call", [suite.open, suite.load, partial(suite.run, "smoke")], ids=["open", "load", "run"]
 )
-def test_what_is_no_path_is_refused_by_its_value(task, tmp_path, monkeypatch, call, given):
+def test_values_that_are_no_paths_are_refused(task, tmp_path, monkeypatch, call, given):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=f"folder must be a path.*, got {given!r}"):
         call(given)
@@ -102,7 +102,7 @@ def test_what_is_no_path_is_refused_by_its_value(task, tmp_path, monkeypatch, ca
 
 @pytest.fixture
 def looks(monkeypatch):
-    """A package that brings the three views, which return what they were called with."""
+    """A package that provides the three views, which return their arguments."""
     module = ModuleType("looks")
     module.failures = lambda folder, task, method, split, seed: (task, method, split, seed)
     module.motions = lambda folder, task, method, start, seed: (task, method, start, seed)
@@ -114,7 +114,7 @@ def looks(monkeypatch):
     return points
 
 
-def test_single_episodes_are_looked_at_by_the_views_of_packages(task, looks):
+def test_failures_and_motions_come_from_the_views_of_packages(task, looks):
     found = suite.open()
     assert found.failures("door", "kodex") == ("door", "kodex", "test", None)
     assert found.failures("door", "nn", "ood", seed=2) == ("door", "nn", "ood", 2)
@@ -134,12 +134,12 @@ def test_the_suites_own_views_show_failures_and_motions(door, bench, tmp_path):
 @pytest.mark.parametrize(
     ("harm", "answer"),
     [
-        ("missing", "no installed package brings the view 'failures'"),
-        ("twice", "bring the same view 'failures'"),
+        ("missing", "no installed package provides the view 'failures'"),
+        ("twice", "provide the same view 'failures'"),
         ("broken", r"view 'failures' of .* cannot be imported: ModuleNotFoundError"),
     ],
 )
-def test_a_view_that_cannot_be_used_is_named(task, looks, harm, answer):
+def test_an_unusable_view_is_named(task, looks, harm, answer):
     if harm == "twice":
         looks.append(looks[0])
     else:
@@ -150,7 +150,7 @@ def test_a_view_that_cannot_be_used_is_named(task, looks, harm, answer):
         suite.open().failures("door", "kodex")
 
 
-def test_demonstrations_are_those_of_the_cache_or_of_a_file(door, tmp_path):
+def test_demos_returns_those_of_the_cache_or_of_a_file(door, tmp_path):
     made = load_demos(door)
     training, validation = suite.demos("door")
     np.testing.assert_array_equal(training.states, made.states[:6])
@@ -182,7 +182,7 @@ def test_a_run_takes_the_options_of_the_command_line(door, tmp_path):
     assert row["config"]["hidden"] == [8]
 
 
-def test_options_mean_the_same_as_texts_and_as_values(task):
+def test_options_mean_the_same_as_text_and_as_values(task):
     as_texts = study_of(
         "quick", tasks="tool,door", seeds="3", episodes=10_000, settings=["nn.epochs=5"]
     )
@@ -211,6 +211,6 @@ def test_options_mean_the_same_as_texts_and_as_values(task):
         ({"demos": []}, "demonstrations of no task, not of door"),
     ],
 )
-def test_an_option_that_cannot_be_used_is_refused(task, options, answer):
+def test_an_unusable_option_is_refused(task, options, answer):
     with pytest.raises(InputError, match=answer):
         study_of("smoke", **options)

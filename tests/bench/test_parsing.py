@@ -1,4 +1,4 @@
-"""Lists, numbers and seeds as people write them on a command line."""
+"""Lists, numbers, seeds and settings as users write them on a command line."""
 
 import pytest
 
@@ -45,13 +45,13 @@ def test_seeds_are_a_number_a_list_or_ranges(text, expected):
 @pytest.mark.parametrize(
     "text", ["", ",", "x", "0", "0,", "-1", "5-1", "0-3", "1-", "-", "1.5", "1e1", "9" * 5000]
 )
-def test_what_is_no_seed_is_refused(text):
+def test_invalid_seeds_are_refused(text):
     with pytest.raises(InputError, match="--seeds takes a number of seeds"):
         seeds(text)
 
 
 @pytest.mark.parametrize("text", ["999999999", "1-999999999", "1-9999,20000,20001"])
-def test_more_seeds_than_anybody_runs_are_refused(text):
+def test_more_than_10000_seeds_are_refused(text):
     with pytest.raises(InputError, match="at most 10,000 seeds"):
         seeds(text)
 
@@ -68,7 +68,7 @@ def test_whole_numbers_may_have_exponents_and_underscores(text, expected):
 @pytest.mark.parametrize(
     "text", ["1.5", "10,000", "0", "-3", "x", "", "nan", "inf", "1e-3", "1e10", "1e999999999"]
 )
-def test_what_is_no_whole_number_is_refused(text):
+def test_invalid_whole_numbers_are_refused(text):
     with pytest.raises(InputError, match="must be a whole number from 1 to 999,999,999"):
         whole_number(text, 1)
 
@@ -77,13 +77,13 @@ def test_what_is_no_whole_number_is_refused(text):
     ("text", "expected"),
     [("3", 3), ("10_000", 10_000), ("1e4", 1e4), ("[64, 32]", [64, 32]), ("true", True)],
 )
-def test_values_of_settings_are_json_or_numbers_or_texts(text, expected):
+def test_setting_values_are_json_numbers_or_text(text, expected):
     assert scalar(text) == expected
     assert settings([f"nn.epochs={text}"]) == {("nn", "epochs"): expected}
     assert scalar("64,32") == "64,32"
 
 
-def test_jobs_are_a_number_all_cores_or_what_the_environment_says(monkeypatch):
+def test_jobs_come_from_the_option_the_environment_or_the_cores(monkeypatch):
     monkeypatch.delenv("BENCH_JOBS", raising=False)
     assert (count_jobs(3), count_jobs(-1), count_jobs()) == (3, cores(), cores())
     monkeypatch.setenv("BENCH_JOBS", "2")
@@ -95,6 +95,6 @@ def test_jobs_are_a_number_all_cores_or_what_the_environment_says(monkeypatch):
 
 
 @pytest.mark.parametrize("jobs", [0, -2])
-def test_a_number_of_jobs_without_meaning_is_refused(jobs):
+def test_an_invalid_number_of_jobs_is_refused(jobs):
     with pytest.raises(InputError, match="jobs must be 1 or more, or -1"):
         count_jobs(jobs)

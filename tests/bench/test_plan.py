@@ -1,4 +1,4 @@
-"""What `bench plan`, `bench time` and `bench describe` measure, and what costs are based on."""
+"""Costs of jobs: the table, the calibration, and measured methods of packages."""
 
 import json
 import time
@@ -79,7 +79,7 @@ METHODS = {method.name: method for method in (Raises, Choosy, Nonsense, Kodex, N
 
 @pytest.fixture
 def brought(monkeypatch):
-    """Methods of other packages beside KODex and NN, called in this process."""
+    """KODex, NN and methods of other packages, which run in this process."""
     monkeypatch.setattr(registry, "SUITE", tuple(METHODS))
     monkeypatch.setattr(plan, "apart", lambda job, *arguments: job(*arguments))
     monkeypatch.setattr("bench.checking.SUITE", tuple(METHODS))
@@ -101,7 +101,7 @@ def block(method, seeds=1):
 
 
 def sharing(function, share=3):
-    """Takes as long as the function does on a core that it shares with other processes."""
+    """Makes a function take as long as on a core that it shares with other processes."""
 
     def shared(*arguments, **options):
         began = time.perf_counter()
@@ -134,7 +134,9 @@ def time_of_a_fit():
         (time_of_a_fit, Kodex, "fit"),
     ],
 )
-def test_a_busy_machine_does_not_raise_a_price(price, place, name, task, shipped, monkeypatch):
+def test_a_busy_machine_does_not_raise_measured_costs(
+    price, place, name, task, shipped, monkeypatch
+):
     price()
     alone = min(price() for _ in range(3))
     monkeypatch.setattr(place, name, sharing(getattr(place, name)))
@@ -158,7 +160,7 @@ def test_a_method_that_needs_three_demonstrations_is_priced(brought, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_the_table_of_costs_has_all_that_paper_does(tmp_path):
+def test_the_table_of_costs_covers_the_preset_paper(tmp_path):
     study = get_preset("paper")
     results = Results(tmp_path)
     agenda = make_agenda(study, demos_keys_of(study), results)
@@ -167,7 +169,7 @@ def test_the_table_of_costs_has_all_that_paper_does(tmp_path):
     assert {cost.kind for cost in costs if not cost.known or cost.seconds <= 0} == set()
 
 
-def test_fits_cost_more_the_more_seeds_demonstrations_and_epochs_they_have():
+def test_fits_cost_more_with_more_seeds_demonstrations_and_epochs():
     def cost(seeds=1, **changes):
         fits = [replace(fit, **changes) for fit in block("nn", seeds)]
         return fit_cost(fits).seconds
@@ -198,8 +200,8 @@ def test_the_factor_of_a_machine_is_measured_once(monkeypatch, tmp_path):
     assert machine.cached_factor() is None
 
 
-def test_a_shortened_training_is_extended_as_it_grows(monkeypatch):
-    """One that takes 0.2 s to begin, and in each epoch 3 ms and 1 ms for each demonstration."""
+def test_a_shortened_training_predicts_the_cost_of_a_full_one(monkeypatch):
+    """The training takes 0.2 s to start; an epoch takes 3 ms, plus 1 ms for each demonstration."""
     monkeypatch.setattr(measuring, "load_demos", lambda task: range(250))
     monkeypatch.setattr(measuring, "split", lambda demos: (demos[:200], demos[200:]))
     monkeypatch.setattr(measuring, "_seconds", lambda work: work())
@@ -223,7 +225,7 @@ def test_a_plan_without_any_price_says_that_fits_are_not_counted(brought, capsys
         ("nonsense", "AttributeError: 'list' object has no attribute 'values'"),
     ],
 )
-def test_numbers_of_a_method_that_fails_are_unknown(brought, bench, name, reason):
+def test_the_parameter_count_of_a_failing_method_is_unknown(brought, bench, name, reason):
     code, said, _ = bench("describe", name, "--json")
     assert code == 0
     sizes = json.loads(said)["parameters"]
@@ -233,6 +235,6 @@ def test_numbers_of_a_method_that_fails_are_unknown(brought, bench, name, reason
     assert "unknown" in bench("describe", name)[1]
 
 
-def test_numbers_of_a_method_that_needs_three_demonstrations_are_counted(brought, bench):
+def test_parameters_of_a_method_that_needs_three_demonstrations_are_counted(brought, bench):
     sizes = json.loads(bench("describe", "choosy", "--json")[1])["parameters"]
     assert set(sizes["one"].values()) == {0}

@@ -1,4 +1,4 @@
-"""What a run and other long commands say while they work, and what `bench status` knows of it."""
+"""The progress that long commands print, and what `bench status` shows of a run."""
 
 import json
 import re
@@ -29,7 +29,7 @@ def writer(tmp_path):
 
 @pytest.fixture
 def queue():
-    """The jobs of two controllers, four hundred fits and as many evaluations, of a second each."""
+    """The jobs of 2 controllers, 400 fits and 400 evaluations, of one second each."""
     counts = {"controllers": 2, "fits": 400, "evaluations": 400}
     return JobQueue(job(f"{kind}{i}", kind=kind) for kind in counts for i in range(counts[kind]))
 
@@ -56,9 +56,7 @@ def no_ticks(monkeypatch):
     monkeypatch.setattr("bench.progress.threading.Thread", Never)
 
 
-def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(
-    writer, queue, no_ticks, capsys
-):
+def test_piped_output_has_few_ascii_lines_with_the_time_left(writer, queue, no_ticks, capsys):
     seconds = [0.0]
     with progress(writer, queue, lambda: seconds[0]) as shown:
         shown.begin()
@@ -80,7 +78,7 @@ def test_piped_output_has_few_lines_of_ascii_that_tell_the_time_left(
     assert "controllers 2/2, fits 400/400, evaluations 400/400" in lines[-1]
 
 
-def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(
+def test_status_shows_the_progress_of_a_run_and_then_that_it_stopped(
     writer, queue, no_ticks, bench
 ):
     def status(*options):
@@ -105,7 +103,7 @@ def test_status_shows_the_clock_of_a_run_and_then_that_it_was_stopped(
     assert not json.loads(status("--json"))["run"]["running"]
 
 
-def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(writer, queue, no_ticks):
+def test_a_killed_run_or_one_on_a_silent_host_counts_as_stopped(writer, queue, no_ticks):
     with progress(writer, queue, lambda: 0.0) as shown:
         shown.begin()
         path = writer.folder / NAME
@@ -123,7 +121,7 @@ def test_a_run_that_was_killed_or_whose_host_is_silent_counts_as_stopped(writer,
             assert read_state(writer.folder)["running"] is lives
 
 
-def test_a_state_that_cannot_be_read_is_as_none(writer, bench):
+def test_an_unreadable_state_counts_as_none(writer, bench):
     path = writer.folder / NAME
     records = ({"pid": "a"}, {"host": 1, "phases": 2, "ended": 1}, {"ended": False})
     for content in (b"", b"{", b"[]", *map(seal_record, records)):
@@ -149,7 +147,7 @@ def test_a_state_is_never_half_written(writer, queue, no_ticks, monkeypatch):
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestRuns:
-    def test_a_run_leaves_no_state_behind_and_says_how_far_it_was(
+    def test_a_complete_run_prints_its_counts_and_removes_its_state(
         self, task, smoke, bench, tmp_path, capsys
     ):
         seen = []
@@ -170,7 +168,7 @@ class TestRuns:
         assert "controllers 1/1, fits 1/1, evaluations 5/5" in last
         assert len(said.splitlines()) <= 5
 
-    def test_nothing_is_said_where_nothing_is_missing(self, task, smoke, bench, tmp_path):
+    def test_a_run_without_missing_results_prints_no_progress(self, task, smoke, bench, tmp_path):
         command = ("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
         bench(*command)
         assert bench(*command)[2] == ""
@@ -181,7 +179,7 @@ class TestRuns:
         next(tmp_path.glob("controllers/*/controller.json")).unlink()
         assert "controllers: 0 of 1 done" in bench("status", str(tmp_path))[1]
 
-    def test_long_commands_say_what_they_do(
+    def test_long_commands_print_what_they_are_doing(
         self, task, smoke, bench, tmp_path, monkeypatch, capsys
     ):
         monkeypatch.setattr(doing_module, "MOMENT", 0.0)
@@ -189,7 +187,7 @@ class TestRuns:
         out = str(tmp_path / "results")
         for command, said in (
             (("plan", "smoke", "--out", out, "--json"), "measuring how fast this machine is"),
-            (("run", "smoke", "--out", out, "--jobs", "1"), "looking for what is missing"),
+            (("run", "smoke", "--out", out, "--jobs", "1"), "looking for missing results"),
             (("demos", "make", "door"), "recording the expert's demonstrations of door"),
             (("time", out), "timing the fit of door-kodex"),
             (("verify", out, "--cells", "1", "--jobs", "1", "--json"), "reading results"),
@@ -208,7 +206,7 @@ class TestRuns:
 @pytest.mark.parametrize(
     "wrong", [("--set", "kodex.epoch=3"), ("--sizes", "huge"), ("--methods", "mine")], ids=" ".join
 )
-def test_what_is_wrong_is_refused_before_results_are_looked_at(
+def test_bad_options_are_refused_before_results_are_read(
     task, smoke, bench, tmp_path, monkeypatch, command, wrong
 ):
     monkeypatch.setattr(doing_module, "MOMENT", 0.0)
@@ -217,14 +215,14 @@ def test_what_is_wrong_is_refused_before_results_are_looked_at(
     assert (code, "unknown " in error, "missing" in error) == (2, True, False)
 
 
-def test_what_ends_in_a_moment_says_nothing(capsys, monkeypatch):
+def test_short_commands_print_no_progress(capsys, monkeypatch):
     monkeypatch.setattr(doing_module, "MOMENT", 60.0)
     with doing("blinking"):
         say("blinking again")
     assert capsys.readouterr().err == ""
 
 
-def test_what_takes_longer_says_so_once_for_each_step(capsys, monkeypatch):
+def test_long_commands_print_each_step_once(capsys, monkeypatch):
     monkeypatch.setattr(doing_module, "MOMENT", 0.0)
     monkeypatch.setattr(doing_module, "EVERY", 0.0)
     with doing("thinking"):
@@ -236,7 +234,7 @@ def test_what_takes_longer_says_so_once_for_each_step(capsys, monkeypatch):
     assert capsys.readouterr().err.splitlines() == ["bench: thinking", "bench: writing"]
 
 
-def test_steps_that_follow_quickly_are_not_all_said(capsys, monkeypatch):
+def test_steps_in_quick_succession_are_not_all_printed(capsys, monkeypatch):
     monkeypatch.setattr(doing_module, "MOMENT", 0.0)
     with doing("step 0"):
         for step in range(1000):

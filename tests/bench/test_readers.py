@@ -1,4 +1,4 @@
-"""Commands that read results leave the folder as it was, damaged files too, and name the damage."""
+"""Commands that read results change nothing in the folder and name damaged files."""
 
 import json
 import os
@@ -52,7 +52,7 @@ def folder(task, smoke, bench, tmp_path):
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads a folder without write permission, and checks that it stays as it was."""
+    """Reads a folder without write permission, and checks that it stays unchanged."""
 
     folder: Path
     bench: Callable
@@ -64,7 +64,7 @@ class Reader:
             path.write_bytes(harm(path.read_bytes()))
 
     def command(self, *words, code=0, names=()):
-        """Returns what a command says; stderr must name each damage once."""
+        """Returns the output of a command; stderr must name each damaged file once."""
         with self._unchanged():
             found, said, errors = self.bench(*words)
         assert found == code, errors
@@ -105,7 +105,7 @@ def permit(folder, folders, others):
 
 
 def files(folder):
-    """What changes when a file or folder is written, moved or replaced."""
+    """Values that change when a file or folder is written, moved or replaced."""
     return {
         str(path): (found.st_ino, found.st_size, found.st_mtime_ns)
         for path in (folder, *folder.rglob("*"))
@@ -142,7 +142,7 @@ def test_commands_read_damaged_results_without_changing_them(
 
 
 @pytest.mark.skipif(not os.environ["MUJOCO_GL"], reason="MuJoCo cannot draw on this machine")
-def test_a_film_of_damaged_results_leaves_them_unchanged(task, folder, read, tmp_path):
+def test_video_leaves_damaged_results_unchanged(task, folder, read, tmp_path):
     read.damage(EPISODES, WEIGHTS)
     options = ("--methods", "kodex", "--start", "1", "--out", str(tmp_path / "films"))
     read.command("video", "door", "--results", str(folder), *options, names=(EPISODES, WEIGHTS))

@@ -11,7 +11,7 @@ from tasks.data import NonFinite
 from tasks.errors import InputError
 
 
-def test_a_stored_fit_and_its_episodes_come_back(stored):
+def test_a_stored_fit_and_its_episodes_are_read_as_written(stored):
     results = stored.results
     assert results.has_fit(stored.fit)
     assert not results.has_fit(stored.other)
@@ -32,9 +32,9 @@ def test_a_row_of_the_frame_leads_to_outcomes_readings_diagnostics_and_facts(sto
     assert results.facts(row["folder"]) == {"seconds": 1.5}
 
 
-def test_a_stored_controller_comes_back(stored):
+def test_a_stored_controller_is_read_as_written(stored):
     assert not stored.results.has_controller(stored.controller)
-    with pytest.raises(InputError, match="has lost the controller"):
+    with pytest.raises(InputError, match="lacks the controller"):
         stored.results.controller_spec(stored.controller.key)
     stored.writer.add_controller(stored.controller, stored.weights, {})
     results = stored.results
@@ -43,7 +43,7 @@ def test_a_stored_controller_comes_back(stored):
     assert results.controller_spec(stored.controller.key)["demos"] == 10
 
 
-def test_results_that_are_open_show_what_is_stored_later(stored):
+def test_open_results_show_later_writes(stored):
     results = stored.results
     assert not results.has_fit(stored.other)
     other = stored.cell(stored.other, stored.evaluation).wanted
@@ -55,7 +55,7 @@ def test_results_that_are_open_show_what_is_stored_later(stored):
     assert results.stored_episodes(other) == 6
 
 
-def test_the_frame_shows_what_was_asked_for_last(stored):
+def test_the_frame_shows_the_last_requested_evaluations(stored):
     stored.writer.add_fit(stored.other, stored.weights, b"", {})
     stored.writer.add_episodes(stored.other, stored.evaluation, stored.episodes(0, 2))
     frame = stored.results.frame()
@@ -74,7 +74,7 @@ def test_the_frame_has_the_median_of_measured_times(stored):
     assert stored.results.frame().loc[0, "fit_seconds"] == 1.5
 
 
-def test_the_frame_has_its_columns_before_it_has_a_row(stored, tmp_path):
+def test_an_empty_frame_has_all_columns(stored, tmp_path):
     columns = list(stored.results.frame().columns)
     assert {*asdict(stored.fit), *asdict(stored.evaluation), "episodes"} <= {*columns}
     with writing(tmp_path / "empty") as writer:
@@ -93,7 +93,7 @@ def test_episodes_of_another_controller_count_as_missing_not_as_damaged(stored):
 @pytest.mark.parametrize(
     "name", ["fit.json", "weights.safetensors", "diagnostics.safetensors", "eval-*.parquet"]
 )
-def test_damage_is_named_once_counts_as_missing_and_stays_where_it_is(stored, damage, name, capsys):
+def test_damage_is_reported_once_counts_as_missing_and_stays_in_place(stored, damage, name, capsys):
     path = stored.path(f"cells/*/{name}")
     damage(path)
     results = stored.results
@@ -111,7 +111,7 @@ def test_damage_is_named_once_counts_as_missing_and_stays_where_it_is(stored, da
     assert path.exists()
 
 
-def test_damage_between_two_looks_is_seen(stored, damage):
+def test_damage_between_two_reads_is_detected(stored, damage):
     results = stored.results
     (row,) = results.frame().to_dict("records")
     damage(stored.path("cells/*/eval-*.parquet"))
@@ -127,7 +127,7 @@ def test_damage_between_two_looks_is_seen(stored, damage):
             read()
 
 
-def test_a_damaged_time_or_failure_counts_as_none(stored, damage, capsys):
+def test_damaged_times_and_failures_count_as_missing(stored, damage, capsys):
     folder = stored.results.frame().loc[0, "folder"]
     stored.writer.add_times(folder, [1.0])
     stored.writer.add_failure("one", "reason", "traceback")
@@ -171,7 +171,7 @@ def test_episodes_of_another_evaluation_of_the_same_fit_count_as_damaged(stored)
     assert list(results.damaged) == [path]
 
 
-def test_answers_that_were_not_finite_are_kept_with_their_episodes(stored):
+def test_non_finite_answers_are_stored_with_their_episodes(stored):
     assert remarks(stored.results) == []
     made = stored.episodes(0, 4)
     wrong = (NonFinite(0, "act", 1, 30), NonFinite(2, "act", 2, 8))

@@ -31,7 +31,7 @@ def test_episodes_of_another_version_are_set_aside_when_new_ones_are_stored(stor
 
 
 @pytest.mark.parametrize("name", ["fit.json", "weights.safetensors", "eval-*.parquet"])
-def test_damage_that_was_found_is_set_aside_and_can_be_stored_again(stored, damage, name, capsys):
+def test_detected_damage_is_set_aside_and_can_be_stored_again(stored, damage, name, capsys):
     damage(stored.path(f"cells/*/{name}"))
     results = stored.writer.results
     assert results.stored_episodes(stored.wanted) == 0
@@ -45,7 +45,7 @@ def test_damage_that_was_found_is_set_aside_and_can_be_stored_again(stored, dama
     assert results.stored_episodes(stored.wanted) == 4
 
 
-def test_damaged_files_give_way_to_what_is_stored_in_their_place(stored, damage, capsys):
+def test_new_files_replace_damaged_ones(stored, damage, capsys):
     folder = stored.results.frame().loc[0, "folder"]
     stored.writer.add_times(folder, [1.0])
     stored.writer.add_failure("one", "reason", "traceback")
@@ -63,7 +63,7 @@ def test_damaged_files_give_way_to_what_is_stored_in_their_place(stored, damage,
     assert [one["tries"] for one in results.failures()] == [1]
 
 
-def test_damage_is_set_aside_at_the_end_at_the_latest(stored, tmp_path, damage, capsys):
+def test_damage_is_set_aside_when_writing_ends(stored, tmp_path, damage, capsys):
     path = stored.path("cells/*/weights.safetensors")
     damage(path)
     with writing(tmp_path / "other") as writer:
@@ -92,7 +92,7 @@ def test_a_second_writer_is_refused(stored):
         pass
 
 
-def test_what_an_interrupted_writer_left_is_removed(tmp_path):
+def test_unfinished_files_of_an_interrupted_writer_are_removed(tmp_path):
     left = tmp_path / ".unfinished" / "cell"
     left.mkdir(parents=True)
     with writing(tmp_path):

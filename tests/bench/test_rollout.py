@@ -38,7 +38,7 @@ def test_answers_of_a_method_that_are_not_real_are_refused(dtype):
 
 
 class Spoilt(Answering):
-    """Its answers to the first two episodes are not finite from t = 3 on."""
+    """Its answers are not finite from t = 3 on, in the first two episodes."""
 
     layout = DOOR.layout
 
@@ -70,9 +70,7 @@ STILL = {
         (lambda method: TrackedMotion(method, Controller(STILL)), "rollout", 2),
     ],
 )
-def test_an_answer_that_is_not_finite_ends_its_episode_and_is_counted(
-    value, policy_of, call, steps
-):
+def test_a_non_finite_answer_ends_its_episode_and_is_counted(value, policy_of, call, steps):
     policy = policy_of(Spoilt(value))
     episodes = rollout(DOOR, DOOR.sample("test", 4), policy, steps=6, chunk=8)
     assert episodes.diverged.tolist() == [True, True, False, False]
@@ -81,7 +79,7 @@ def test_an_answer_that_is_not_finite_ends_its_episode_and_is_counted(
     assert policy.non_finite(500) == (NonFinite(500, call, 2, 3),)
 
 
-def test_of_finite_answers_nothing_is_noted():
+def test_finite_answers_are_not_counted():
     policy = FeedbackPolicy(Spoilt(0.0))
     rollout(DOOR, DOOR.sample("test", 2), policy, steps=4, chunk=2)
     assert policy.non_finite(0) == ()

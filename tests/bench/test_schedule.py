@@ -1,4 +1,4 @@
-"""How well the jobs of the preset `paper` fill workers, by their measured costs."""
+"""How well the jobs of the preset `paper` use workers, by their measured costs."""
 
 import pytest
 
@@ -15,7 +15,7 @@ def seconds(job):
 
 
 @pytest.mark.parametrize("workers", [2, 16, 128])
-def test_paper_is_within_a_tenth_of_the_shortest_time_that_there_can_be(
+def test_the_schedule_of_paper_is_within_10_per_cent_of_the_shortest(
     workers, tmp_path, monkeypatch, figure
 ):
     monkeypatch.setattr("bench.cores.cores", lambda: workers)

@@ -41,7 +41,7 @@ def folder(tmp_path):
     return tmp_path / "made" / "folder"
 
 
-def test_a_record_is_read_as_the_json_that_it_was(record):
+def test_a_record_is_read_as_it_was_written(record):
     assert read_record(record) == {"numbers": [1, 2.5], "text": "a", "nested": {"b": None}}
 
 
@@ -59,7 +59,7 @@ def test_a_record_with_another_value_or_format_is_refused(record):
             read_record(record)
 
 
-def test_a_table_is_read_with_its_labels_in_full_or_in_part(table):
+def test_a_table_is_read_with_its_labels_whole_or_by_columns(table):
     assert read_table(table).column_names == ["start", "success"]
     chosen = read_table(table, ("success",))
     assert chosen.to_pydict() == {"success": [True, False, True, False, True]}
@@ -78,7 +78,7 @@ def test_a_damaged_table_is_refused(table, damage):
             read(table)
 
 
-def test_every_flipped_bit_of_a_table_is_seen(table):
+def test_every_flipped_bit_of_a_table_is_detected(table):
     content = table.read_bytes()
     for place in range(len(content)):
         table.write_bytes(

@@ -11,7 +11,7 @@ from bench.selection import best_size, chosen_sizes
 from tasks.errors import InputError
 
 
-def test_a_method_without_the_named_sizes_is_fitted_at_its_own():
+def test_a_method_without_the_named_sizes_is_compared_at_all_its_sizes():
     study = replace(get_preset("quick"), sizes=("large",))
     cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
     sizes = {(cell.fit.method, cell.fit.size) for cell in cells}
@@ -21,7 +21,7 @@ def test_a_method_without_the_named_sizes_is_fitted_at_its_own():
         cells_of(replace(study, methods=("nn",), sizes=("single",)), {})
 
 
-def test_the_best_size_on_validation_starts_is_chosen_and_the_smaller_of_equals():
+def test_the_best_size_on_validation_starts_is_chosen_and_the_first_of_equals():
     study = replace(get_preset("paper"), tasks=("door",), methods=("kodex", "nn", "lstm"))
     rows = [("nn", "small", 1, 10), ("nn", "small", 2, 20), ("nn", "median", 1, 25)]
     rows += [("nn", "median", 2, 5), ("nn", "large", 1, 14), ("lstm", "large", 1, 3)]
@@ -33,7 +33,7 @@ def test_the_best_size_on_validation_starts_is_chosen_and_the_smaller_of_equals(
     assert chosen == {("door", "nn"): "small", ("door", "lstm"): "large"}
 
 
-def test_equal_means_are_equal_in_any_order_of_the_seeds():
+def test_the_order_of_seeds_does_not_change_the_chosen_size():
     rows = [("small", n) for n in (42, 41, 38, 43, 39)]
     rows += [("median", n) for n in (42, 42, 39, 40, 40)]
     frame = pd.DataFrame(rows, columns=["size", "successes"]).assign(episodes=50)

@@ -1,4 +1,4 @@
-"""A module elsewhere that has the name of a package of ours, in a process of its own."""
+"""A module elsewhere with the name of one of our packages, in a separate process."""
 
 import os
 import subprocess
@@ -49,7 +49,7 @@ def test_the_command_line_names_the_file_in_the_way(shadow, tmp_path, command):
 
 
 @pytest.mark.parametrize("statement", STATEMENTS.values(), ids=STATEMENTS)
-def test_python_is_told_of_the_file_in_the_way(shadow, tmp_path, statement):
+def test_importing_a_module_of_bench_names_the_file_in_the_way(shadow, tmp_path, statement):
     done = run(tmp_path, "-c", statement)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith(f"ImportError: {shadow} is in the way")

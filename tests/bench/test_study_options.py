@@ -11,7 +11,7 @@ from bench.study_options import StudyOptions
 COMMANDS = typer.main.get_command(app).commands
 
 
-def test_run_and_plan_take_the_same_study_with_the_same_words():
+def test_run_and_plan_take_the_same_options_for_a_study():
     names = {field.name for field in fields(StudyOptions)}
     run, plan = (
         {one.name: (one.opts, getattr(one, "help", "")) for one in COMMANDS[command].params}

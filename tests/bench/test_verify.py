@@ -6,7 +6,7 @@ from bench import verify as module
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_results_of_this_machine_are_found_again(task, smoke, bench, tmp_path):
+def test_verify_finds_results_of_this_machine_identical(task, smoke, bench, tmp_path):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
     options = ("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     code, said, _ = bench(*options, "--json")
@@ -20,7 +20,7 @@ def test_results_of_this_machine_are_found_again(task, smoke, bench, tmp_path):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_bits_that_differ_though_they_must_not_are_named(task, smoke, bench, tmp_path, monkeypatch):
+def test_verify_names_bits_that_differ(task, smoke, bench, tmp_path, monkeypatch):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
@@ -30,7 +30,9 @@ def test_bits_that_differ_though_they_must_not_are_named(task, smoke, bench, tmp
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_other_software_is_judged_by_its_success(task, smoke, bench, tmp_path, monkeypatch):
+def test_verify_judges_results_of_other_software_by_their_success(
+    task, smoke, bench, tmp_path, monkeypatch
+):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
     monkeypatch.setattr("bench.same_bits.same_bits", lambda stored, again: False)
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)

@@ -38,7 +38,7 @@ class Sound(MotionMethod):
         cls.name = cls.__name__.lower()
 
     def vice(self, demos):
-        """What is wrong with it, done in each fit."""
+        """The misbehaviour of the method, which happens in each fit."""
 
     def fit(self, demos, validation, seed):
         self.states = demos.states.copy()

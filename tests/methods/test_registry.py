@@ -57,7 +57,11 @@ def test_a_reserved_name_is_refused_with_its_package(install, bench, name):
     install("evil", f"{name} = evil:Evil", evil=METHOD.format("Evil", name))
     assert name not in method_names()
     reason = unusable()[name]
-    for answer in ("evil brings a method", f"cannot be called '{name}'", "rename its entry point"):
+    for answer in (
+        "evil provides a method",
+        f"cannot be called '{name}'",
+        "rename its entry point",
+    ):
         assert answer in reason
     with pytest.raises(MethodError) as refused:
         get_method(name)
@@ -75,7 +79,7 @@ def test_a_package_does_not_replace_a_method_of_the_suite(install, bench, monkey
     monkeypatch.setattr("bench.driver.run", lambda *arguments: Outcome(Path(), 0, 0, ()))
     code, _, error = bench("run", "smoke", "--methods", "kodex", "--out", "out")
     assert code == 0
-    assert "evil brings a method 'kodex', which this suite has" in error
+    assert "evil provides a method 'kodex', which this suite has" in error
     assert "the suite's own is used" in error
 
 
@@ -83,7 +87,7 @@ def test_two_packages_with_the_same_method_are_both_named(install):
     install("first", "same = first:Same", first=METHOD.format("Same", "same"))
     install("second", "same = second:Same", second=METHOD.format("Same", "same"))
     assert "same" not in method_names()
-    with pytest.raises(MethodError, match="first and second bring the same method 'same'"):
+    with pytest.raises(MethodError, match="first and second provide the same method 'same'"):
         get_method("same")
 
 
