@@ -12,8 +12,8 @@ from bench.backend import IN_THIS_PROCESS, Workers
 from bench.controller import ControllerConfig
 from bench.presets import PRESETS
 from methods.registry import SUITE
+from reports.exhibits import EXHIBITS
 from reports.results import Results
-from reports.write import exhibits
 from tasks import demos, recorder
 
 
@@ -31,7 +31,7 @@ def main(folder: Path) -> None:
     assert outcome.failed == ()
     (folder / "tables").mkdir()
     results = Results(folder)
-    for exhibit in exhibits():
+    for exhibit in EXHIBITS:
         table = exhibit.table(results)
         table.to_csv(folder / "tables" / f"{exhibit.name}.csv", index=False)
 
