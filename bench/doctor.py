@@ -20,7 +20,7 @@ from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.files import writable_folder
 from tasks.packages import unreadable
-from tasks.pins import mark, pin, processor
+from tasks.pins import PINNED, UNPINNED, pin, processor
 from tasks.registry import TASKS, get_task
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
@@ -96,7 +96,11 @@ def _kernels() -> list[dict[str, Any]]:
     return [
         {"what": "processor", "found": processor()[0] or platform.machine(), "advice": ""},
         {"what": "C library", "found": library.strip() or "unknown", "advice": ""},
-        {"what": "kernels", "found": mark(), "advice": advice},
+        {
+            "what": "kernels",
+            "found": UNPINNED if why_not else f"pinned ({PINNED})",
+            "advice": advice,
+        },
     ]
 
 
