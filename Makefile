@@ -44,7 +44,7 @@ reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hour
 
 same-bits: install-dev ## Check that this processor computes the bits of others, and note it, half an hour
 	$(BIN)/pytest tests/bench/test_same_bits.py -m 'long or not long' --timeout 0
-	$(BIN)/python tests/same_bits.py
+	$(BIN)/python tests/helpers/same_bits.py
 
 release: install-dev ## Build wheel and sdist and try each in an empty environment, minutes
 	$(BIN)/pytest tests/test_release.py -m release

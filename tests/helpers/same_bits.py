@@ -1,6 +1,6 @@
 """What each task's demonstrations, controller and fits must hash to on every processor.
 
-`python tests/same_bits.py` computes all of it, compares it with ``same_bits.json`` and notes the
+`python tests/helpers/same_bits.py` computes all of it, compares it with ``same_bits.json`` and notes the
 processor there; with ``--new`` it writes the digests anew.
 """
 
