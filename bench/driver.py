@@ -42,7 +42,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     Raises:
         InputError: the study names something that does not exist, there is no such backend,
             another run writes to the folder, or its results used controllers with other training
-            settings.
+            settings or other kernels.
         KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
     """
     where.check()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bench.manifest import Manifest, Wanted
 from bench.names import cell_path, controller_path, evaluation_path
+from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.results_writer import ResultsWriter, writing
 from bench.same_bits import first_difference
@@ -20,13 +21,16 @@ def merge(folders: Sequence[Path], out: Path) -> int:
 
     Raises:
         InputError: a folder holds no results, or two hold different results under one label, or
-            other bits of what was computed alike, see `bench.same_bits`.
+            other bits of what was computed alike, see `bench.same_bits`, or their kernels are
+            marked differently.
     """
     sources = [Results(folder) for folder in folders]
     with writing(out) as writer:
         manifest = writer.results.manifest()
         for source in sources:
             source.check_exists()
+        check_alike((source.folder, source.marks()) for source in (writer.results, *sources))
+        for source in sources:
             manifest = _joined(manifest, source)
         for source in sources:
             for wanted in source.manifest().wanted:
@@ -51,8 +55,8 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
         if not alike or fits.get(wanted.fit.label, wanted.fit) != wanted.fit:
             raise InputError(
                 f"{source.folder} holds other results of {wanted.fit.label} than a folder before"
-                " it: the version, config, controller or demonstrations differ, or the kernels are"
-                " pinned in one alone (see bench doctor); merge only results with the same settings"
+                " it: the version, config, controller or demonstrations differ; merge only results"
+                " with the same settings"
             )
         most.append(replace(wanted, episodes=max(wanted.episodes, known.episodes)))
     joined = manifest.extended(most)

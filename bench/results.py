@@ -88,6 +88,11 @@ class Results:
         return list(self.manifest().notes)
 
     # Fits and controllers
+    def marks(self) -> set[str]:
+        """Returns the marks of the kernels that computed the stored fits, see `tasks.pins`."""
+        fits = {wanted.fit for wanted in self.manifest().wanted}
+        return {record["spec"]["pins"] for fit in fits if (record := self._fit(fit))}
+
     def has_fit(self, fit: Named) -> bool:
         """Whether the fit is stored and undamaged."""
         return self._fit(fit) is not None

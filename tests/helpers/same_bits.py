@@ -1,7 +1,7 @@
 """What each task's demonstrations, controller and fits must hash to on every processor.
 
-`python tests/helpers/same_bits.py` computes all of it, compares it with ``same_bits.json`` and notes the
-processor there; with ``--new`` it writes the digests anew.
+`python tests/helpers/same_bits.py` computes all of it, compares it with ``same_bits.json`` and
+notes the processor there; with ``--new`` it writes the digests anew.
 """
 
 import hashlib
