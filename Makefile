@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help bench demo test check docs results install install-dev benchmark reliability release clean
+.PHONY: help bench demo test check docs results install install-dev benchmark reliability same-bits release clean
 
 help: ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -41,6 +41,10 @@ benchmark: install-dev ## Measure speed against peers, half an hour
 reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hours
 	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py \
 		tests/bench/test_fuzz.py tests/bench/test_hostile.py -m 'not release' --times 200 --timeout 0
+
+same-bits: install-dev ## Check that this processor computes the bits of others, and note it, half an hour
+	$(BIN)/pytest tests/bench/test_same_bits.py -m 'long or not long' --timeout 0
+	$(BIN)/python tests/helpers/same_bits.py
 
 release: install-dev ## Build wheel and sdist and try each in an empty environment, minutes
 	$(BIN)/pytest tests/test_release.py -m release

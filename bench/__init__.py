@@ -170,3 +170,7 @@ class _Refusing(MetaPathFinder):
 _fault = _in_the_way()
 if _fault:
     sys.meta_path.insert(0, _Refusing())
+else:
+    from tasks.pins import pin
+
+    pin()  # before NumPy and torch are loaded

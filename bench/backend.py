@@ -156,13 +156,12 @@ def answers(supply: Supply, where: Workers, interrupts: Interrupts) -> Iterator[
         where: as given to `workers`.
         interrupts: says when to stop sending.
     """
-    sending = _Sending(supply, where, interrupts)
     if where.backend == "loky":
         _start_loky(where.jobs)
     died: list[str] = []
     while not interrupts.asked:
         if supply.ready:
-            for name, answer in _pooled(sending):
+            for name, answer in _pooled(_Sending(supply, where, interrupts)):
                 if isinstance(answer.result, Failure) and answer.result.died:
                     died.append(name)
                 else:
@@ -183,6 +182,8 @@ class _Sending:
     interrupts: Interrupts
     pending: dict[str, None] = field(default_factory=dict)
     """Names of the jobs that were sent and have not been answered."""
+    closed: bool = False
+    lock: threading.Lock = field(default_factory=threading.Lock)
     error: Exception | None = None
     """The error that the supply raised."""
 
@@ -190,18 +191,32 @@ class _Sending:
         """Yields what joblib sends, one whenever a worker is free."""
         while not self.interrupts.asked:
             try:
-                name = self.supply.take()
+                name = self._take()
                 call = self.supply.call(name) if name is not None else None
             except Exception as error:
                 self.error = error
                 raise
             if name is not None and call is not None:
-                self.pending[name] = None
                 yield _delayed(name, call, self.where)
             elif self.pending and self.supply.blocked:
                 yield delayed(_idle)()
             else:
                 return
+
+    def _take(self) -> str | None:
+        with self.lock:
+            name = None if self.closed else self.supply.take()
+            if name is not None:
+                self.pending[name] = None
+            return name
+
+    def close(self) -> list[str]:
+        """Sends no more, whatever joblib still asks for; returns the jobs without an answer."""
+        with self.lock:
+            self.closed = True
+            lost = list(self.pending)
+            self.pending.clear()
+            return lost
 
 
 def _pooled(sending: _Sending) -> Iterator[tuple[str, Answer]]:
@@ -218,10 +233,8 @@ def _pooled(sending: _Sending) -> Iterator[tuple[str, Answer]]:
         if sending.error:
             raise sending.error from None
         # A job's own exception is part of its answer. This one is the backend's: a worker died.
-        lost = list(sending.pending)
-        sending.pending.clear()
-        for name in lost:
-            yield name, Answer(Failure("its worker died", "", died=True), 0.0)
+    for name in sending.close():
+        yield name, Answer(Failure("its worker died", "", died=True), 0.0)
 
 
 def _idle() -> tuple[str, None]:

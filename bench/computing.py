@@ -5,23 +5,26 @@ method's results are bytes, see `methods.contract`.
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from bench.controller import Controller, train_controllers
+from bench.provenance import provenance, software
 from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit
-from methods.base import ActionMethod, Method, MotionMethod, fits_together
+from methods.base import ActionMethod, Method, MotionMethod, Parameters, fits_together
 from methods.contract import ContractError, Learnt, learn, loaded, motion
 from methods.guard import guarded
 from methods.registry import get_method
 from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
 from tasks.experts import load_expert
 from tasks.files import from_bytes, to_bytes
+from tasks.pins import check_mark
 from tasks.registry import get_task
 from tasks.simulator import CHUNK, Policy, rollout
 
@@ -34,14 +37,26 @@ class Fitted:
     diagnostics: bytes
     seconds: float
     """CPU seconds of this seed."""
+    facts: Mapping[str, Any]
+    """See `bench.provenance.provenance`."""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The episodes of a cell."""
+
+    episodes: Episodes
+    software: Mapping[str, Any]
+    """See `bench.provenance.software`."""
 
 
 def fit_controllers(specs: Sequence[ControllerSpec], demos: Sequence[Demos]) -> list[Fitted]:
     """Returns the weights of controllers that differ only in their seeds, with their own data."""
     began, first = time.process_time(), specs[0]
+    check_mark(first.pins)
     trained = train_controllers(first.config, demos, first.task, [spec.seed for spec in specs])
     seconds = (time.process_time() - began) / len(specs)
-    return [Fitted(to_bytes(weights), b"", seconds) for weights in trained]
+    return [_fitted(to_bytes(weights), {}, seconds) for weights in trained]
 
 
 def fit_methods(
@@ -55,6 +70,7 @@ def fit_methods(
         validation: for each fit, its validation demonstrations.
     """
     first = fits[0]
+    check_mark(first.pins)
     method, layout = get_method(first.method, first.variant), get_task(first.task).layout
     # A global random stream must not depend on which seeds are fitted together.
     alone = () if fits_together(method) else (first.seed,)
@@ -63,16 +79,20 @@ def fit_methods(
         began = time.process_time()
         learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
         seconds = (time.process_time() - began) / len(fits)
-        return [
-            _fitted(one, unseen, seconds) for one, unseen in zip(learnt, validation, strict=True)
-        ]
+        found = zip(learnt, map(_diagnostics, learnt, validation), strict=True)
+        return [_fitted(one.parameters, diagnostics, seconds) for one, diagnostics in found]
 
 
-def _fitted(learnt: Learnt, validation: Demos, seconds: float) -> Fitted:
+def _diagnostics(learnt: Learnt, validation: Demos) -> Parameters:
     diagnostics = from_bytes(learnt.diagnostics)
     if isinstance(learnt.method, MotionMethod):
         diagnostics["imitation_error"] = imitation_error(learnt.method, validation)
-    return Fitted(learnt.parameters, to_bytes(diagnostics) if diagnostics else b"", seconds)
+    return diagnostics
+
+
+def _fitted(parameters: bytes, diagnostics: Parameters, seconds: float) -> Fitted:
+    shown = to_bytes(diagnostics) if diagnostics else b""
+    return Fitted(parameters, shown, seconds, provenance(seconds))
 
 
 def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
@@ -85,7 +105,7 @@ def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
 
 def evaluate(
     cell: Cell, starts: Starts, kept: int, parameters: bytes, controller: bytes, threads: int
-) -> list[Episodes]:
+) -> list[Evaluated]:
     """Returns the episodes of a cell from some starts, as one result.
 
     The method is loaded again for each chunk of starts, so that chunks do not affect each other.
@@ -98,6 +118,7 @@ def evaluate(
         controller: stored weights of the controller; empty if none is used.
         threads: simulator threads.
     """
+    check_mark(cell.fit.pins)
     evaluation = cell.evaluation
     task = get_task(evaluation.task, evaluation.rule)
     parts = []
@@ -110,7 +131,7 @@ def evaluate(
             if isinstance(policy, TrackedMotion | FeedbackPolicy):
                 episodes = replace(episodes, non_finite=policy.non_finite(row))
             parts.append(episodes)
-    return [join_episodes(parts)]
+    return [Evaluated(join_episodes(parts), software())]
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.files import writable_folder
 from tasks.packages import unreadable
+from tasks.pins import PINNED, UNPINNED, pin, processor
 from tasks.registry import TASKS, get_task
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
@@ -67,6 +68,7 @@ def _machine(folder: Path) -> list[dict[str, Any]]:
     there, free = free_disk(folder)
     few = memory < LEAST_MEMORY * cores
     return [
+        *_kernels(),
         {"what": "cores", "found": str(cores), "advice": ""},
         {
             "what": "memory",
@@ -84,6 +86,21 @@ def _machine(folder: Path) -> list[dict[str, Any]]:
             ),
         },
         _cache(),
+    ]
+
+
+def _kernels() -> list[dict[str, Any]]:
+    """The processor and C library, and whether the same bits are computed as elsewhere."""
+    why_not, library = pin().why_not, " ".join(platform.libc_ver())
+    advice = why_not and f"results may differ in their last bits on other machines: {why_not}"
+    return [
+        {"what": "processor", "found": processor()[0] or platform.machine(), "advice": ""},
+        {"what": "C library", "found": library.strip() or "unknown", "advice": ""},
+        {
+            "what": "kernels",
+            "found": UNPINNED if why_not else f"pinned ({PINNED})",
+            "advice": advice,
+        },
     ]
 
 

@@ -1,5 +1,6 @@
 """Runs a study: lists its cells and lets a `Runner` compute the missing results."""
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from bench.study_demos import demos_keys_of
 from methods.registry import introduced
 from tasks.demos import TRAINING
 from tasks.errors import InputError
+from tasks.pins import UNPINNED, pin
 from tasks.words import count_of
 
 
@@ -40,10 +42,11 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     Raises:
         InputError: the study names something that does not exist, there is no such backend,
             another run writes to the folder, or its results used controllers with other training
-            settings.
+            settings or other kernels.
         KeyboardInterrupt: Ctrl-C; results of the jobs that ended are stored.
     """
     where.check()
+    _say_pins()
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"a study trains on 1 to {TRAINING} demonstrations, got {study.demos}")
     keys = demos_keys_of(study)
@@ -60,6 +63,15 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
                 runner.want_choice(choice, study, keys)
             runner.work()
         return runner.outcome()
+
+
+def _say_pins() -> None:
+    if pin().why_not:
+        print(
+            f"bench: results are marked {UNPINNED} and may differ in their last bits on other"
+            f" machines: {pin().why_not}",
+            file=sys.stderr,
+        )
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:

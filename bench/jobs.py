@@ -10,16 +10,14 @@ from functools import cached_property
 from typing import ClassVar, TypeVar
 
 from bench.backend import Call
-from bench.computing import Fitted, evaluate, fit_controllers, fit_methods
+from bench.computing import Evaluated, Fitted, evaluate, fit_controllers, fit_methods
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
 from bench.missing import Missing
-from bench.provenance import provenance
 from bench.results import Results
 from bench.results_writer import ResultsWriter
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit, controller_blocks, seed_blocks
 from bench.trained import keep
 from bench.training_data import controller_demos, starts_of, training_demos, validation_demos
-from tasks.data import Episodes
 
 T = TypeVar("T")
 
@@ -68,10 +66,9 @@ class ControllerJob:
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
         for spec, made in zip(self.specs, result, strict=True):
-            facts = provenance(made.seconds)
-            writer.add_controller(spec, made.parameters, facts)
+            writer.add_controller(spec, made.parameters, made.facts)
             if self.cached:
-                keep(spec, made.parameters, facts)
+                keep(spec, made.parameters, made.facts)
 
 
 @dataclass(frozen=True)
@@ -117,7 +114,7 @@ class FitJob:
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
         for fit, made in zip(self.fits, result, strict=True):
-            writer.add_fit(fit, made.parameters, made.diagnostics, provenance(made.seconds))
+            writer.add_fit(fit, made.parameters, made.diagnostics, made.facts)
 
 
 @dataclass(frozen=True)
@@ -175,7 +172,7 @@ class EvaluationJob:
         stored = stored_bytes(self.cell, results)
         return self.label, evaluate, (self.cell, starts, self.kept, *stored, self.threads)
 
-    def store(self, result: Sequence[Episodes], writer: ResultsWriter) -> None:
+    def store(self, result: Sequence[Evaluated], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
         writer.add_episodes(self.cell.fit, self.cell.evaluation, result[0], self.kept)
 

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from bench.manifest import Manifest, Wanted
 from bench.names import cell_path, controller_path, evaluation_path
+from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.results_writer import ResultsWriter, writing
+from bench.same_bits import first_difference
 from tasks.errors import InputError
 
 
@@ -18,13 +20,17 @@ def merge(folders: Sequence[Path], out: Path) -> int:
     not copied; those in ``out`` are set aside.
 
     Raises:
-        InputError: a folder holds no results, or two hold different results under one label.
+        InputError: a folder holds no results, or two hold different results under one label, or
+            other bits of what was computed alike, see `bench.same_bits`, or their kernels are
+            marked differently.
     """
     sources = [Results(folder) for folder in folders]
     with writing(out) as writer:
         manifest = writer.results.manifest()
         for source in sources:
             source.check_exists()
+        check_alike((source.folder, source.marks()) for source in (writer.results, *sources))
+        for source in sources:
             manifest = _joined(manifest, source)
         for source in sources:
             for wanted in source.manifest().wanted:
@@ -60,6 +66,12 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
 def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
     """Copies an evaluation, its fit and its controller, unless they are stored already."""
     there, fit, controller = writer.results, wanted.fit, wanted.controller
+    difference = first_difference(there, source, wanted)
+    if difference:
+        raise InputError(
+            f"{source.folder} and a folder before it differ in what must have the same bits:"
+            f" {difference}"
+        )
     if controller and source.has_controller(controller) and not there.has_controller(controller):
         path = controller_path(writer.folder, controller)
         writer.write_folder(path, source.controller_files(controller))

@@ -24,6 +24,7 @@ from safetensors.numpy import load_file, save
 
 from bench.combined import CombinedResults
 from bench.names import CONDITIONS
+from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.source import Source
 from tasks.errors import InputError
@@ -136,12 +137,15 @@ def pack(folders: Sequence[Path], out: Path) -> None:
         out: folder of the packed results, created if needed; it may be one of the folders.
 
     Raises:
-        InputError: a folder holds no results, or results that differ from another folder's.
+        InputError: a folder holds no results, or results that differ from another folder's, or
+            kernels that are marked differently.
     """
     import pandas as pd
 
     sources = [open_results(folder) for folder in folders]
-    results = CombinedResults([(source, source.frame()) for source in sources])
+    frames = [source.frame() for source in sources]
+    check_alike((place, found.pins) for place, found in zip(folders, frames, strict=True))
+    results = CombinedResults(list(zip(sources, frames, strict=True)))
     frame = results.frame()
     if frame.empty:
         raise InputError(f"{', '.join(map(str, folders))}: no evaluations to pack")

@@ -88,6 +88,11 @@ class Results:
         return list(self.manifest().notes)
 
     # Fits and controllers
+    def marks(self) -> set[str]:
+        """Returns the marks of the kernels that computed the stored fits, see `tasks.pins`."""
+        fits = {wanted.fit for wanted in self.manifest().wanted}
+        return {record["spec"]["pins"] for fit in fits if (record := self._fit(fit))}
+
     def has_fit(self, fit: Named) -> bool:
         """Whether the fit is stored and undamaged."""
         return self._fit(fit) is not None
@@ -137,6 +142,14 @@ class Results:
             if record and record["key"] == key:
                 return dict(record["spec"])
         raise InputError(f"{self.folder} lacks the controller {key}: run the study again")
+
+    def controller_facts(self, controller: Named) -> dict[str, Any]:
+        """Returns times, host and software of a stored controller, see `facts`."""
+        return dict(self._required(controller_path(self.folder, controller), CONTROLLER)["facts"])
+
+    def fit_facts(self, fit: Named) -> dict[str, Any]:
+        """Returns times, host and software of a stored fit, see `facts`."""
+        return self.facts(cell_path(self.folder, fit).name)
 
     def facts(self, folder: str) -> dict[str, Any]:
         """See `bench.source.Source.facts`."""

@@ -27,13 +27,14 @@ from bench.stored_files import (
     seal_failure,
     seal_learnt,
     seal_times,
+    software_of,
 )
 from tasks.errors import InputError
 from tasks.files import writable_folder
 
 if TYPE_CHECKING:  # writing results needs neither the methods nor MuJoCo
+    from bench.computing import Evaluated
     from bench.spec import ControllerSpec, Evaluation, Fit
-    from tasks.data import Episodes
 
 _UNFINISHED = ".unfinished"
 
@@ -104,26 +105,28 @@ class ResultsWriter:
         self.write(self.folder / "cells" / folder / TIMES, seal_times(folder, seconds))
 
     def add_episodes(
-        self, fit: "Fit", evaluation: "Evaluation", episodes: "Episodes", keep: int = 0
+        self, fit: "Fit", evaluation: "Evaluation", made: "Evaluated", keep: int = 0
     ) -> None:
         """Stores episodes of a stored fit.
 
         Args:
             fit: the fit that was evaluated.
             evaluation: its conditions.
-            episodes: new episodes, which follow the kept ones and replace all others.
+            made: new episodes, which follow the kept ones and replace all others.
             keep: number of stored episodes to keep, from the first.
         """
         key = evaluation.key(fit)
         wanted = Wanted(Name(fit.label, fit.key), Name(evaluation.name, key), keep)
-        table, non_finite = episodes_to_table(episodes), list(episodes.non_finite)
+        table, non_finite = episodes_to_table(made.episodes), list(made.episodes.non_finite)
+        made_with = [made.software]
         if keep:
             path = evaluation_path(self.folder, fit, evaluation.name)
             kept = self.results.table(path).slice(0, keep).cast(table.schema)
             table = pa.concat_tables([kept, table]).combine_chunks()
-            before = non_finite_of(self.results.evaluation_labels(wanted))
-            non_finite = [one for one in before if one.row < keep] + non_finite
-        content = seal_evaluation(fit.key, key, evaluation, table, non_finite)
+            labels = self.results.evaluation_labels(wanted)
+            non_finite = [one for one in non_finite_of(labels) if one.row < keep] + non_finite
+            made_with = [one for one in software_of(labels) if one not in made_with] + made_with
+        content = seal_evaluation(fit.key, key, evaluation, table, non_finite, made_with)
         self.write_evaluation(wanted, content)
 
     def write_evaluation(self, wanted: Wanted, content: bytes) -> None:

@@ -17,6 +17,7 @@ from bench.job_queue import JobQueue, name_of
 from bench.jobs import RunJob, jobs_of
 from bench.missing import find_missing
 from bench.other_controllers import check_controllers
+from bench.other_kernels import check_kernels
 from bench.presets import Study
 from bench.progress import Progress
 from bench.provenance import provenance
@@ -85,7 +86,8 @@ class Runner:
         return failures
 
     def check(self, cells: Iterable[Cell]) -> None:
-        """See `bench.other_controllers.check_controllers`."""
+        """See `bench.other_controllers` and `bench.other_kernels`."""
+        check_kernels(self.results)
         check_controllers(self.results, cells)
 
     def copy_trained(self, cells: Iterable[Cell]) -> None:

@@ -5,7 +5,7 @@ it: more episodes extend the same evaluation.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,6 +26,7 @@ from tasks.data import key
 from tasks.demos import demos_key
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, physics_names
+from tasks.pins import mark
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import CHUNK
 
@@ -53,6 +54,8 @@ class Fit:
     held_out: int = 0
     """How many training demonstrations after the first N validate, in place of the validation
     demonstrations. Default: none do."""
+    pins: str = field(default_factory=mark)
+    """Whether the kernels that compute it are pinned, see `tasks.pins`."""
 
     @cached_property
     def key(self) -> str:
@@ -160,6 +163,8 @@ class ControllerSpec:
     """Of the study: decides the demonstrations or rollouts, and the random numbers."""
     physics: str = NOMINAL
     """Physics in which the rollouts that it learns from are recorded."""
+    pins: str = field(default_factory=mark)
+    """Whether the kernels that compute it are pinned, see `tasks.pins`."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -115,6 +115,7 @@ def seal_evaluation(
     evaluation: "Evaluation",
     table: pa.Table,
     non_finite: Sequence[NonFinite],
+    software: Sequence[Mapping[str, Any]],
 ) -> bytes:
     """Returns the content of an evaluation's file.
 
@@ -124,10 +125,13 @@ def seal_evaluation(
         evaluation: its conditions.
         table: the table of `episodes_to_table`.
         non_finite: which answers of the method were not finite.
+        software: that computed the episodes, see `bench.provenance.software`; several if they were
+            added to later.
     """
     labels = {name: str(value) for name, value in asdict(evaluation).items()}
     labels |= {"fit": fit_key, "key": key}
     labels |= {"successes": _count(table, "success"), "diverged": _count(table, "diverged")}
+    labels["software"] = json.dumps(software, sort_keys=True)
     if non_finite:
         labels["non_finite"] = json.dumps([asdict(one) for one in non_finite])
     return seal_table(table, labels)
@@ -136,14 +140,14 @@ def seal_evaluation(
 def read_evaluation(path: Path, fit_key: str) -> tuple[dict[str, str], int]:
     """Returns the labels of an evaluation of a fit, and its number of episodes.
 
-    Labels: the fields of `Evaluation`, ``key``, ``successes``, ``diverged``, and ``non_finite`` if
-    answers of the method were not finite, see `non_finite_of`.
+    Labels: the fields of `Evaluation`, ``key``, ``successes``, ``diverged``, ``software``, see
+    `software_of`, and ``non_finite`` if answers of the method were not finite, see `non_finite_of`.
     """
     labels, count = read_labels(path)
     with reading(path):
         place = labels["fit"], evaluation_name(labels)
         check(place == (fit_key, path.stem), path, "its place")
-        check({"key", "controller_key"} <= {*labels}, path, "its key")
+        check({"key", "controller_key", "software"} <= {*labels}, path, "its key")
         check(max(int(labels["successes"]), int(labels["diverged"])) <= count, path, "a count")
         numbers = [n for one in non_finite_of(labels) for n in (one.row, one.starts, one.first)]
         check(all(type(number) is int for number in numbers), path, "what was not finite")
@@ -153,6 +157,11 @@ def read_evaluation(path: Path, fit_key: str) -> tuple[dict[str, str], int]:
 def non_finite_of(labels: Mapping[str, str]) -> list[NonFinite]:
     """Returns which answers of a method were not finite, by the labels of an evaluation."""
     return [NonFinite(**row) for row in json.loads(labels.get("non_finite", "[]"))]
+
+
+def software_of(labels: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Returns the software that computed episodes, by the labels of an evaluation."""
+    return list(json.loads(labels["software"]))
 
 
 def _count(table: pa.Table, column: str) -> str:

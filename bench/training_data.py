@@ -4,12 +4,14 @@ from functools import lru_cache
 from pathlib import Path
 
 from bench.controller_kinds import KINDS
+from bench.isolation import apart
 from bench.spec import VALIDATION, Cell, ControllerSpec, Fit
 from tasks import demos
 from tasks.cache import cache_folder
 from tasks.data import Demos, Starts
 from tasks.demos import demos_key, demos_of
 from tasks.experts import load_expert
+from tasks.pins import pin
 from tasks.recorder import record
 from tasks.registry import get_task
 
@@ -46,7 +48,12 @@ def controller_demos(spec: ControllerSpec) -> Demos:
     kind = KINDS[spec.kind]
     if not kind.records_expert:
         return training_demos(spec)
-    task = get_task(spec.task)
+    found: Demos = apart(_rollouts, spec) if pin().late else _rollouts(spec)
+    return found
+
+
+def _rollouts(spec: ControllerSpec) -> Demos:
+    kind, task = KINDS[spec.kind], get_task(spec.task)
     if kind.changed_physics:
         starts = task.sample("demo", spec.demos, spec.seed)
     else:

@@ -15,15 +15,19 @@ from bench.driver import run_cells
 from bench.intervals import wilson
 from bench.labels import plain
 from bench.names import CONDITIONS
+from bench.provenance import same_bits, software
 from bench.results import Results
+from bench.same_bits import episodes_differ, first_difference
 from bench.source import OUTCOMES, Source
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from tasks.data import generator
 from tasks.demos import adopted_path, demos_key
 from tasks.errors import InputError
+from tasks.pins import SWITCH, mark, pin
 from tasks.registry import get_task
 
 IDENTICAL, WITHIN, OUTSIDE = "identical", "within the interval", "outside the interval"
+DIFFERENT = "different bits"
 
 
 @dataclass(frozen=True)
@@ -39,13 +43,18 @@ class Verdict:
     """Successes of the repeated episodes."""
     differ: int
     """Episodes whose success, divergence or length differs."""
+    difference: str = ""
+    """The first difference between results that must have the same bits, see `bench.same_bits`."""
 
     @property
     def verdict(self) -> str:
         """Whether the episodes are identical; if not, whether the rate is in the stored interval.
 
-        The interval is the 95% Wilson interval of the stored rate.
+        The interval is the 95% Wilson interval of the stored rate. Results that must have the same
+        bits have no such tolerance.
         """
+        if self.difference:
+            return DIFFERENT
         if not self.differ:
             return IDENTICAL
         low, high = wilson(self.stored, self.episodes)
@@ -90,8 +99,19 @@ def _compare(
         old = source.outcomes(row).iloc[: len(new)]
         differ = int(np.any(old.to_numpy() != new.to_numpy(), axis=1).sum())
         counts = (len(new), int(old.success.sum()), int(new.success.sum()), differ)
-        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts))
+        difference = _difference(source, again, row, cell)
+        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts, difference))
     return verdicts
+
+
+def _difference(source: Source, again: Results, row: Mapping[str, Any], cell: Cell) -> str:
+    """The first difference in bits; of packed results in what is kept of their episodes."""
+    if isinstance(source, Results):
+        return first_difference(source, again, cell.wanted)
+    new = again.episodes(cell.wanted)
+    if new is None or not same_bits(source.facts(row["folder"]), software()):
+        return ""
+    return episodes_differ(source.outcomes(row), new)
 
 
 def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:
@@ -118,6 +138,11 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
         InputError: it is from other demonstrations than this installation makes.
     """
     fit = fit_of(row)
+    if fit.pins != mark():
+        raise InputError(
+            f"{fit.label} was computed with kernels {fit.pins}, and here they are {mark()}:"
+            f" {pin().why_not or f'set {SWITCH}=off'}"
+        )
     task = get_task(fit.task)
     kept = fit.method != EXPERT and adopted_path(task, fit.demos_key).exists()
     if fit.demos_key != demos_key(task) and not kept:

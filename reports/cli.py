@@ -186,12 +186,12 @@ def verify(
     """Repeat some stored fits and evaluations, and compare them with the stored results.
 
     Exit code 3 if one differs too much: its success is outside the 95% interval
-    of the stored one.
+    of the stored one, or any bit differs although kernels were pinned and versions are the same.
     """
     from bench.backend import Workers
     from bench.cores import count_jobs
     from bench.packed import open_results
-    from bench.verify import OUTSIDE
+    from bench.verify import DIFFERENT, OUTSIDE
     from bench.verify import verify as verify_results
 
     source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
@@ -204,8 +204,9 @@ def verify(
             print(
                 f"{one.verdict}: {one.fit} {one.evaluation}: {one.stored} of {one.episodes} stored,"
                 f" {one.again} again, {count_of(one.differ, 'differing episode')}"
+                f"{one.difference and f'; {one.difference}'}"
             )
-    if any(one.verdict == OUTSIDE for one in found):
+    if any(one.verdict in (OUTSIDE, DIFFERENT) for one in found):
         raise typer.Exit(SOME_FAILED)
 
 

@@ -19,10 +19,12 @@ class WithShippedMethods(CombinedResults):
         theirs = theirs[theirs.task.isin(mine.task) & ~theirs.method.isin(mine.method)]
         super().__init__([(own, mine), (reference, theirs)])
         self._own = own
+        self._marks = set(theirs.pins) - set(mine.pins)
         self.methods = tuple(theirs.method.unique())
         """The methods with shipped results."""
 
     def notes(self) -> list[str]:
         """See `bench.source.Source.notes`. A further note names the shipped methods."""
-        origin = f"From another machine, as shipped: {', '.join(self.methods) or 'nothing'}."
+        marks = "".join(f", with kernels marked {one}" for one in sorted(self._marks))
+        origin = f"From another machine{marks}, as shipped: {', '.join(self.methods) or 'nothing'}."
         return [*self._own.notes(), origin]

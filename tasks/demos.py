@@ -3,6 +3,7 @@
 They are kept in the cache. The expert's are made when they are first needed, a block for each seed.
 """
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from tasks.demos_files import (
 )
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.pins import mark, pin
 from tasks.recorder import make_demos
 from tasks.words import count_of
 
@@ -29,6 +31,13 @@ VALIDATION = 50
 VERSION = 2
 """Raise it when demonstrations change for a reason that no other part of the key shows."""
 _FOLDER = "demos"
+_RECORD = """
+import sys
+from tasks.demos import load_demos
+from tasks.registry import get_task
+load_demos(get_task(sys.argv[1]), int(sys.argv[2]))
+"""
+"""A program that records in a process of its own, whose kernels are pinned."""
 
 
 def demos_key(task: Task) -> str:
@@ -44,6 +53,7 @@ def demos_key(task: Task) -> str:
         task.model_hash,
         load_expert(task).card["weights_sha256"],
         mujoco.__version__,
+        mark(),
         TRAINING + VALIDATION,
     )
 
@@ -72,8 +82,11 @@ def load_demos(task: Task, seed: int = 1) -> Demos:
         writable_cache(_FOLDER)
         if path.exists():
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
-        expert = load_expert(task).policy
-        save_demos(make_demos(task, expert, TRAINING + VALIDATION, seed), path)
+        if pin().late:
+            subprocess.run([sys.executable, "-c", _RECORD, task.name, str(seed)], check=True)
+        else:
+            expert = load_expert(task).policy
+            save_demos(make_demos(task, expert, TRAINING + VALIDATION, seed), path)
         data = path.read_bytes()
     return parse_demos(task, data, path, seed)
 

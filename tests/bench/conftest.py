@@ -3,6 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from bench.computing import Evaluated
 from bench.controller import ControllerConfig
 from bench.controller_kinds import ORIGINAL
 from bench.manifest import Wanted
@@ -42,13 +43,15 @@ class Stored:
         return Cell(fit, evaluation, episodes)
 
     @staticmethod
-    def episodes(first: int, last: int) -> Episodes:
+    def episodes(first: int, last: int) -> Evaluated:
         readings = generator("episodes").standard_normal((last, 69))
         readings[0, 5:] = np.nan
         starts = Starts("door", "test", np.arange(first, last), np.zeros((last - first, 3)))
         success = np.arange(first, last) % 2 == 1
         steps, diverged = np.full(last - first, 69), np.zeros(last - first, bool)
-        return Episodes(starts, success, diverged, steps, readings[first:])
+        return Evaluated(
+            Episodes(starts, success, diverged, steps, readings[first:]), {"pins": "unpinned"}
+        )
 
     def path(self, pattern: str):
         (found,) = self.writer.folder.glob(pattern)

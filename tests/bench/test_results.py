@@ -16,7 +16,7 @@ def test_a_stored_fit_and_its_episodes_are_read_as_written(stored):
     assert results.has_fit(stored.fit)
     assert not results.has_fit(stored.other)
     assert results.parameters(stored.fit) == stored.weights
-    frame, expected = results.episodes(stored.wanted), stored.episodes(0, 4)
+    frame, expected = results.episodes(stored.wanted), stored.episodes(0, 4).episodes
     np.testing.assert_array_equal(frame.start, expected.starts.index)
     np.testing.assert_array_equal(frame.success, expected.success)
     np.testing.assert_array_equal(frame.steps, expected.steps)
@@ -24,7 +24,7 @@ def test_a_stored_fit_and_its_episodes_are_read_as_written(stored):
 
 
 def test_a_row_of_the_frame_leads_to_outcomes_readings_diagnostics_and_facts(stored):
-    results, expected = stored.results, stored.episodes(0, 4)
+    results, expected = stored.results, stored.episodes(0, 4).episodes
     (row,) = results.frame().to_dict("records")
     assert list(results.outcomes(row).success) == list(expected.success)
     np.testing.assert_array_equal(results.readings(row), expected.readings.astype("f4"))
@@ -173,9 +173,9 @@ def test_episodes_of_another_evaluation_of_the_same_fit_count_as_damaged(stored)
 
 def test_non_finite_answers_are_stored_with_their_episodes(stored):
     assert remarks(stored.results) == []
-    spoilt = replace(
-        stored.episodes(0, 4), non_finite=(NonFinite(0, "act", 1, 30), NonFinite(2, "act", 2, 8))
-    )
+    made = stored.episodes(0, 4)
+    wrong = (NonFinite(0, "act", 1, 30), NonFinite(2, "act", 2, 8))
+    spoilt = replace(made, episodes=replace(made.episodes, non_finite=wrong))
     stored.writer.add_episodes(stored.fit, stored.evaluation, spoilt)
     assert [one.split(";")[0] for one in remarks(stored.results)] == [
         "kodex on door, seed 1: act returned NaN or inf for 3 of 4 starts, first at t=8"

@@ -110,7 +110,7 @@ def test_with_reference_adds_shipped_methods_that_a_run_lacks(
     export = tmp_path / "all.parquet"
     code, _, error = bench("report", str(out), "--with-reference", "--export", str(export))
     assert (code, error) == (0, "")
-    assert "From another machine, as shipped: nn." in (out / "report/index.html").read_text()
+    assert "as shipped: nn." in (out / "report/index.html").read_text()
     rows = (out / "report/tables/success.csv").read_text()
     assert "nn,door" in rows
     assert set(pd.read_parquet(export).method) == {"kodex", "nn"}

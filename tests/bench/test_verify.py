@@ -22,8 +22,21 @@ def test_verify_finds_results_of_this_machine_identical(task, smoke, bench, tmp_
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_verify_names_results_that_differ(task, smoke, bench, tmp_path, monkeypatch):
+def test_verify_names_bits_that_differ(task, smoke, bench, tmp_path, monkeypatch):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
+    code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
+    assert code == 3
+    assert "different bits: door-expert eval-ood-nominal-none-appendix: 13 of 20 stored" in said
+    assert "success of episode 1 is True in one, False in the other" in said
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_verify_judges_results_of_other_software_by_their_success(
+    task, smoke, bench, tmp_path, monkeypatch
+):
+    bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
+    monkeypatch.setattr("bench.same_bits.same_bits", lambda stored, again: False)
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3

@@ -1,0 +1,40 @@
+"""A program that runs a study of a few seconds and writes its tables: every method, a controller.
+
+Usage: tiny_study.py FOLDER
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from bench import driver
+from bench.backend import IN_THIS_PROCESS, Workers
+from bench.controller import ControllerConfig
+from bench.presets import PRESETS
+from methods.registry import SUITE
+from reports.exhibits import EXHIBITS
+from reports.results import Results
+from tasks import demos, recorder
+
+
+def main(folder: Path) -> None:
+    demos.TRAINING, demos.VALIDATION, recorder.BLOCK = 6, 2, 10
+    driver.TRAINING = 6
+    study = replace(
+        PRESETS["smoke"],
+        episodes={"success": 6, "ood": 6, "stability": 6},
+        demos=6,
+        controller=ControllerConfig(epochs=2),
+        settings={(name, "epochs"): 2 for name in SUITE if name != "kodex"},
+    )
+    outcome = driver.run(study, folder, Workers(1, IN_THIS_PROCESS))
+    assert outcome.failed == ()
+    (folder / "tables").mkdir()
+    results = Results(folder)
+    for exhibit in EXHIBITS:
+        table = exhibit.table(results)
+        table.to_csv(folder / "tables" / f"{exhibit.name}.csv", index=False)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
