@@ -28,6 +28,8 @@ OVER_SEEDS = "over seeds"
 ALIKE = "over episodes: every seed is at the same extreme"
 ONE_SEED = "this fit and this controller only"
 _TAIL = (1 + CONFIDENCE) / 2
+_ROUNDING = 1e-12
+"""Differences of rates that are rounding errors."""
 
 
 class Rate(NamedTuple):
@@ -74,7 +76,7 @@ def rate(outcomes: ArrayLike) -> Rate:
     value, basis = float(rates.mean()), _basis(episodes)
     if basis != OVER_SEEDS:
         return Rate(value, low, high, len(rates), basis)
-    ends = _Seeds(rates).ends(_critical(len(rates)))
+    ends = _Seeds(rates).ends(critical(len(rates)))
     return Rate(value, min(low, ends[0]), max(high, ends[1]), len(rates), OVER_SEEDS)
 
 
@@ -108,8 +110,8 @@ def difference(left: ArrayLike, right: ArrayLike, margin: float = 0.0) -> Estima
     if basis == ONE_SEED and margin == 0 and np.isin(gaps, (-1, 0, 1)).all():
         p = mcnemar(one[0] > 0.5, other[0] > 0.5)
     if basis == OVER_SEEDS:
-        seeds = _PairedSeeds(one.mean(axis=1), other.mean(axis=1))
-        ends = seeds.ends(_critical(len(one)))
+        seeds = PairedSeeds(one.mean(axis=1), other.mean(axis=1))
+        ends = seeds.ends(critical(len(one)))
         low, high, p = min(low, ends[0]), max(high, ends[1]), max(p, seeds.p(margin))
     return Estimate(value, low, high, p, margin, len(one), basis)
 
@@ -164,7 +166,7 @@ def rank_correlation(levels: ArrayLike, values: ArrayLike) -> Estimate:
     value, seeds = float(by_seed.mean()), len(by_seed)
     if seeds == 1:
         return Estimate(value, -1.0, 1.0, p, 0.0, seeds, ONE_SEED)
-    half = _critical(seeds) * float(by_seed.std(ddof=1)) / sqrt(seeds)
+    half = critical(seeds) * float(by_seed.std(ddof=1)) / sqrt(seeds)
     low, high = max(-1.0, value - half), min(1.0, value + half)
     return Estimate(value, low, high, p, 0.0, seeds, OVER_SEEDS)
 
@@ -176,8 +178,8 @@ def _trend_p(blocks: FloatArray) -> float:
     return min(1.0, *(2 * float(page_trend_test(one).pvalue) for one in (blocks, blocks[:, ::-1])))
 
 
-def _critical(seeds: int) -> float:
-    """The standard errors that a 95% interval over so many seeds reaches to either side."""
+def critical(seeds: int) -> float:
+    """Returns the standard errors that a 95% interval over so many seeds reaches to each side."""
     return float(stdtrit(seeds - 1, _TAIL))
 
 
@@ -221,7 +223,7 @@ class _Seeds:
         return float(expit(self.place - away)), float(expit(self.place + away))
 
 
-class _PairedSeeds:
+class PairedSeeds:
     """The interval over seeds of a difference of rates, paired by seed."""
 
     def __init__(self, left: FloatArray, right: FloatArray) -> None:
@@ -234,11 +236,17 @@ class _PairedSeeds:
         self.correlation = float(np.corrcoef(left, right)[0, 1]) if both_vary else 0.0
 
     def ends(self, errors: float) -> tuple[float, float]:
-        """Returns the ends that are so many standard errors away."""
-        left, right, plain = self.left.ends(errors), self.right.ends(errors), errors * self.error
+        """Returns the ends that are so many standard errors away: the wider of two scales."""
+        low, high = self.logit_ends(errors)
+        plain = errors * self.error
+        return max(-1.0, min(low, self.value - plain)), min(1.0, max(high, self.value + plain))
+
+    def logit_ends(self, errors: float) -> tuple[float, float]:
+        """Returns the ends that follow from those of the two rates on the logit scale."""
+        left, right = self.left.ends(errors), self.right.ends(errors)
         below = self._together(self.left.mean - left[0], right[1] - self.right.mean)
         above = self._together(left[1] - self.left.mean, self.right.mean - right[0])
-        return max(-1.0, self.value - max(plain, below)), min(1.0, self.value + max(plain, above))
+        return self.value - below, self.value + above
 
     def _together(self, one: float, other: float) -> float:
         square = one**2 + other**2 - 2 * self.correlation * one * other
@@ -247,8 +255,8 @@ class _PairedSeeds:
     def p(self, margin: float) -> float:
         """Returns 1 less the confidence at which the interval ends at the margin."""
         away = abs(self.value - margin)
-        if away == 0 or self.error == 0:
-            return float(away == 0)
+        if away < _ROUNDING or self.error < _ROUNDING:
+            return float(away < _ROUNDING)
         side = 0 if margin < self.value else 1
         errors = brentq(lambda n: self.ends(n)[side] - margin, 0, 1.001 * away / self.error)
         return float(2 * stdtr(self.freedom, -errors))

@@ -147,6 +147,12 @@ def test_intervals_hold_their_value_and_stay_within_what_is_possible(both):
     assert 0 <= found.p <= 1
 
 
+def test_seeds_whose_differences_cancel_have_a_p_value_of_1():
+    found = difference(episodes(10, 20, 30, 70), episodes(30, 10, 20, 70))
+    assert found.value == pytest.approx(0, abs=1e-15)
+    assert found.p == pytest.approx(1)
+
+
 @pytest.mark.parametrize("gap", [0.5, 1, 2, 4, 8])
 def test_the_p_value_says_whether_the_margin_lies_in_the_interval(gap):
     right = episodes(70, 74, 66, 71, 69)
