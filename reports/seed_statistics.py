@@ -10,7 +10,7 @@ cover the truth stands in docs/statistics.md.
 """
 
 from collections.abc import Sequence
-from math import sqrt
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -84,8 +84,8 @@ def difference(left: ArrayLike, right: ArrayLike, margin: float = 0.0) -> Estima
     """Returns left minus right of two methods that share seeds and starts.
 
     Over seeds the interval is the wider of the paired t and of its form on the logit scale, which
-    does not fail where one method is near 0 or 1 (the square-and-add of Newcombe 1998, Zou and
-    Donner 2008, with the correlation over seeds). Over starts it is that of Agresti and Min (2005),
+    reaches further where a rate near 0 or 1 varies (the square-and-add of Newcombe 1998, scaled by
+    the paired over the unpaired standard error). Over starts it is that of Agresti and Min (2005),
     which alone remains with one seed, or where every seed is at the same extreme. p is 1 less the
     confidence at which the interval ends at the margin; with one seed and no margin, that of
     McNemar's exact test.
@@ -206,21 +206,18 @@ def _basis(episodes: FloatArray) -> str:
 
 
 class _Seeds:
-    """The mean of rates (R,), and how far it may be off on the logit scale."""
+    """The mean of rates (R,), its standard error, and how far it may be off on the logit scale."""
 
     def __init__(self, rates: FloatArray) -> None:
         self.mean = float(rates.mean())
-        self.varies = 0 < self.mean < 1
-        if self.varies:
-            error = float(rates.std(ddof=1)) / len(rates) ** 0.5
-            self.place, self.step = logit(self.mean), error / (self.mean * (1 - self.mean))
+        self.error = float(rates.std(ddof=1)) / sqrt(len(rates))
 
     def ends(self, errors: float) -> tuple[float, float]:
         """Returns the ends that are so many standard errors away."""
-        if not self.varies:
+        if self.mean in (0, 1):
             return self.mean, self.mean
-        away = errors * self.step
-        return float(expit(self.place - away)), float(expit(self.place + away))
+        away = errors * self.error / (self.mean * (1 - self.mean))
+        return float(expit(logit(self.mean) - away)), float(expit(logit(self.mean) + away))
 
 
 class PairedSeeds:
@@ -228,37 +225,35 @@ class PairedSeeds:
 
     def __init__(self, left: FloatArray, right: FloatArray) -> None:
         """Takes each seed's rates (R,) of two methods."""
-        gaps = left - right
-        self.left, self.right, self.freedom = _Seeds(left), _Seeds(right), len(gaps) - 1
-        self.value = float(gaps.mean())
-        self.error = float(gaps.std(ddof=1)) / len(gaps) ** 0.5
-        both_vary = left.std() > 0 and right.std() > 0
-        self.correlation = float(np.corrcoef(left, right)[0, 1]) if both_vary else 0.0
+        self.left, self.right, self.paired = _Seeds(left), _Seeds(right), _Seeds(left - right)
+        self.freedom = len(left) - 1
 
     def ends(self, errors: float) -> tuple[float, float]:
         """Returns the ends that are so many standard errors away: the wider of two scales."""
         low, high = self.logit_ends(errors)
-        plain = errors * self.error
-        return max(-1.0, min(low, self.value - plain)), min(1.0, max(high, self.value + plain))
+        value, plain = self.paired.mean, errors * self.paired.error
+        return max(-1.0, min(low, value - plain)), min(1.0, max(high, value + plain))
 
     def logit_ends(self, errors: float) -> tuple[float, float]:
-        """Returns the ends that follow from those of the two rates on the logit scale."""
-        left, right = self.left.ends(errors), self.right.ends(errors)
-        below = self._together(self.left.mean - left[0], right[1] - self.right.mean)
-        above = self._together(left[1] - self.left.mean, self.right.mean - right[0])
-        return self.value - below, self.value + above
+        """Returns the ends that follow from those of the two rates on the logit scale.
 
-    def _together(self, one: float, other: float) -> float:
-        square = one**2 + other**2 - 2 * self.correlation * one * other
-        return sqrt(max(square, 0.0))
+        The rates' own ends are squared and added as if they were not paired, and the sum is scaled
+        by what pairing does to the standard error.
+        """
+        unpaired = hypot(self.left.error, self.right.error)
+        scale = self.paired.error / unpaired if unpaired > _ROUNDING else 0.0
+        left, right = self.left.ends(errors), self.right.ends(errors)
+        below = hypot(self.left.mean - left[0], right[1] - self.right.mean)
+        above = hypot(left[1] - self.left.mean, self.right.mean - right[0])
+        return self.paired.mean - scale * below, self.paired.mean + scale * above
 
     def p(self, margin: float) -> float:
         """Returns 1 less the confidence at which the interval ends at the margin."""
-        away = abs(self.value - margin)
-        if away < _ROUNDING or self.error < _ROUNDING:
+        away = abs(self.paired.mean - margin)
+        if away < _ROUNDING or self.paired.error < _ROUNDING:
             return float(away < _ROUNDING)
-        side = 0 if margin < self.value else 1
-        errors = brentq(lambda n: self.ends(n)[side] - margin, 0, 1.001 * away / self.error)
+        side, most = 0 if margin < self.paired.mean else 1, 1.001 * away / self.paired.error
+        errors = brentq(lambda errors: self.ends(errors)[side] - margin, 0, most)
         return float(2 * stdtr(self.freedom, -errors))
 
 
