@@ -139,8 +139,9 @@ def aggregate(pairs: Sequence[tuple[ArrayLike, ArrayLike]], margin: float = 0.0)
 def rank_correlation(levels: ArrayLike, values: ArrayLike) -> Estimate:
     """Returns how far values tend to rise with levels: the mean of Spearman's rank correlation.
 
-    The interval is Student's t over seeds, cut at -1 and 1; it is (-1, 1) with one seed. p is that
-    of Page's trend test (1963), two-sided, whose blocks are all seeds and panels; 1 with one block.
+    The interval is Student's t over seeds, cut at -1 and 1, and never narrower than that of as many
+    orders drawn at random, which alone remains with one seed. p is that of Page's trend test
+    (1963), two-sided, whose blocks are all seeds and panels; 1 with one block.
 
     Args:
         levels: (L,) what values may rise with, such as the number of observables; L is 3 or more.
@@ -162,13 +163,14 @@ def rank_correlation(levels: ArrayLike, values: ArrayLike) -> Estimate:
     ordered = table[..., np.argsort(steps)]
     rising = np.arange(len(steps))
     by_seed = np.array([np.mean([_spearman(rising, panel) for panel in seed]) for seed in ordered])
-    p = _trend_p(ordered.reshape(-1, len(steps)))
-    value, seeds = float(by_seed.mean()), len(by_seed)
-    if seeds == 1:
-        return Estimate(value, -1.0, 1.0, p, 0.0, seeds, ONE_SEED)
-    half = critical(seeds) * float(by_seed.std(ddof=1)) / sqrt(seeds)
+    value, seeds, blocks = float(by_seed.mean()), len(by_seed), ordered.reshape(-1, len(steps))
+    # Of L values in random order, Spearman's correlation has the variance 1 / (L - 1).
+    half = float(ndtri(_TAIL)) / sqrt(len(blocks) * (len(steps) - 1))
+    if seeds > 1:
+        half = max(half, critical(seeds) * float(by_seed.std(ddof=1)) / sqrt(seeds))
     low, high = max(-1.0, value - half), min(1.0, value + half)
-    return Estimate(value, low, high, p, 0.0, seeds, OVER_SEEDS)
+    basis = OVER_SEEDS if seeds > 1 else ONE_SEED
+    return Estimate(value, low, high, _trend_p(blocks), 0.0, seeds, basis)
 
 
 def _trend_p(blocks: FloatArray) -> float:
