@@ -148,16 +148,18 @@ def rank_correlation(levels: ArrayLike, values: ArrayLike) -> Estimate:
         values: (R, K, L) of each seed, panel (such as a task) and level.
 
     Raises:
-        InputError: the shapes differ from these, there are fewer than 3 levels, or two are equal.
+        InputError: the shapes differ from these, there are fewer than 3 levels, two are equal, or
+            a value is not finite.
     """
     steps, table = real("levels", levels), real("values", values)
     if (
         table.ndim != 3
         or steps.shape != table.shape[2:]
         or len(np.unique(steps)) < max(3, len(steps))
+        or not np.isfinite(table).all()
     ):
         raise InputError(
-            "a rank correlation needs 3 or more different levels (L,) and values (R, K, L),"
+            "a rank correlation needs 3 or more different levels (L,) and finite values (R, K, L),"
             f" got levels {steps.tolist()} and values of shape {table.shape}"
         )
     ordered = table[..., np.argsort(steps)]

@@ -224,6 +224,7 @@ def test_values_that_fall_with_the_levels_have_a_negative_correlation():
         (lambda: difference(episodes(50, 50), episodes(50)), "same seeds and starts"),
         (lambda: aggregate([]), "of no condition"),
         (lambda: aggregate([(episodes(1), episodes(1, 2))]), "same seeds and number of starts"),
+        (lambda: rank_correlation([1, 2, 3], np.full((2, 1, 3), np.nan)), "finite values"),
         (lambda: rank_correlation([1, 1, 2], np.ones((2, 1, 3))), "3 or more different levels"),
     ],
 )
