@@ -57,7 +57,7 @@ def contradicted(seeds: int, starts: int, studies: int) -> float:
 
 
 def _level_contrasts(seeds: int, starts: int, rng: np.random.Generator) -> list[Estimate]:
-    """Of a method with three others that do as well, in conditions at the lower rate of scenarios."""
+    """Of a method with three others that do as well, at the lower rate of each scenario."""
     found = []
     for condition in range(CONDITIONS):
         like = SCENARIOS[condition % len(SCENARIOS)]
