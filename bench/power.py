@@ -1,0 +1,64 @@
+"""What a number of seeds can show: the smallest detectable difference of two methods."""
+
+from math import sqrt
+
+from scipy.optimize import brentq
+from scipy.stats import nct, t
+
+from tasks.errors import InputError
+
+POWER = 0.8
+LEVEL = 0.05
+
+
+def power(difference: float, deviation: float, seeds: int) -> float:
+    """Returns how often the paired t-test of two methods finds a true difference at 5%, two-sided.
+
+    Args:
+        difference: of the two success rates, in the unit of the deviation.
+        deviation: standard deviation over seeds of the difference of a seed, above 0.
+        seeds: 2 or more.
+
+    Raises:
+        InputError: there are fewer seeds, or the deviation is not above 0.
+    """
+    if seeds < 2 or not deviation > 0:
+        raise InputError(
+            "power needs 2 or more seeds and a standard deviation above 0,"
+            f" got {seeds} and {deviation:g}"
+        )
+    critical = t.isf(LEVEL / 2, seeds - 1)
+    shift = abs(difference) / deviation * sqrt(seeds)
+    return float(nct.sf(critical, seeds - 1, shift) + nct.sf(critical, seeds - 1, -shift))
+
+
+def detectable_difference(deviation: float, seeds: int) -> float:
+    """Returns the smallest true difference that so many seeds find in 80% of studies.
+
+    Args:
+        deviation: standard deviation over seeds of the difference of a seed, above 0.
+        seeds: 2 or more.
+
+    Raises:
+        InputError: see `power`.
+    """
+    # In standard deviations: three seeds need 3.3, two need 11.
+    return float(brentq(lambda size: power(size, deviation, seeds) - POWER, 0, 20 * deviation))
+
+
+def seeds_needed(difference: float, deviation: float) -> int:
+    """Returns the fewest seeds with which a true difference is found in 80% of studies.
+
+    Args:
+        difference: of the two success rates, not 0, in the unit of the deviation.
+        deviation: standard deviation over seeds of the difference of a seed, above 0.
+
+    Raises:
+        InputError: the difference is 0, or see `power`.
+    """
+    if difference == 0:
+        raise InputError("no number of seeds finds a difference of 0")
+    seeds = 2
+    while power(difference, deviation, seeds) < POWER:
+        seeds += 1
+    return seeds
