@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from bench.controller import ORIGINAL
+from bench.controller_kinds import ORIGINAL
 from reports.style import METHODS, TASKS
 from tasks.data import FloatArray
 from tasks.registry import APPENDIX
