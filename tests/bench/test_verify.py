@@ -41,8 +41,7 @@ def test_verify_judges_results_of_other_software_by_their_success(
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
     assert (
-        "outside the interval: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag"
-        in said
+        "\ntold apart: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag" in said
     )
 
 
