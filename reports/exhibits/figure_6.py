@@ -63,7 +63,7 @@ EXHIBIT = Exhibit(
     title="Figure 6: the choice of observables",
     about=(
         "Mean absolute error of the predicted joints on the validation demonstrations, t = 2..T;"
-        " success [%] on test starts. Published: figure only."
+        " success [%] on test starts. Both are means over seeds. Published: figure only."
     ),
     table=table,
     part="KODex inside",

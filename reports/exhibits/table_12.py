@@ -11,7 +11,9 @@ from reports.results import Results
 
 def magnitudes(results: Results) -> dict[str, np.ndarray]:
     """Returns the eigenvalue magnitudes of each seed's K (R, p) by task, for KODex as described."""
-    found = results.main(method="kodex").drop_duplicates("folder").sort_values("seed")
+    found = (
+        results.main(method="kodex").drop_duplicates("folder").sort_values("seed", kind="stable")
+    )
     return {
         str(task): np.array([np.hypot(*results.eigenvalues(one).T) for one in mine.folder])
         for task, mine in found.groupby("task", sort=False)
