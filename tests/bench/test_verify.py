@@ -61,8 +61,13 @@ def test_results_from_other_demonstrations_are_refused(task, smoke, bench, tmp_p
 
 @pytest.mark.parametrize(
     ("lost", "evaluations", "verdict"),
-    [(0, 1, "identical"), (5, 1, "cannot be told apart"), (6, 1, "told apart")]
-    + [(6, 2, "cannot be told apart"), (7, 2, "told apart")],
+    [
+        (0, 1, "identical"),
+        (5, 1, "cannot be told apart"),
+        (6, 1, "told apart"),
+        (6, 2, "cannot be told apart"),
+        (7, 2, "told apart"),
+    ],
 )
 def test_stored_and_repeated_episodes_are_compared_start_by_start(
     lost, evaluations, verdict, monkeypatch
