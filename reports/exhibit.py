@@ -93,7 +93,7 @@ class Exhibit:
         """Says what differences the seeds could have shown, by column."""
         known = table.dropna(subset="detectable").drop_duplicates("column")
         if known.empty:
-            return "The seeds do not show how much they vary, so nor what they could have shown."
+            return "What difference could have been missed is unknown: these seeds do not show how they vary."
         points = [f"{self.display(row.column)} {row.detectable:.1f}" for row in known.itertuples()]
         return (
             "Smallest true difference that these seeds find in 80% of studies, of two methods that"
@@ -139,7 +139,7 @@ class Exhibit:
 def footnote_on_single_fits(other: str = "") -> str:
     """Returns the footnote of marked intervals, and of something other that speaks of one seed."""
     what = f"the interval and the {other} speak" if other else "the interval speaks"
-    return f"{MARK} One seed: {what} of {ONE_SEED}; dotted in figures."
+    return f"{MARK} One seed: {what} of {ONE_SEED}; dotted where drawn."
 
 
 def _about_seeds(table: pd.DataFrame) -> str:

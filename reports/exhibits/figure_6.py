@@ -9,6 +9,7 @@ from reports.exhibits.table_11 import SETS
 from reports.pairing import keep_common
 from reports.results import RATE, Results
 from reports.style import colour, display
+from reports.tables import table_of
 
 ERROR = "imitation error [rad, m]"
 SUCCESS = "success [%]"
@@ -21,10 +22,14 @@ def table(results: Results) -> pd.DataFrame:
     Both are means over the same seeds.
     """
     found = pd.concat(results.main(method="kodex", variant=v, split="test") for v in SETS)
+    if found.empty:
+        return table_of()
     found = keep_common(found, ["variant"])
     rates = results.rates(found, ["variant", "task"])
     parts = []
     for variant, name in SETS.items():
+        if variant not in set(found.variant):
+            continue
         success = rates[rates.variant == variant].drop(columns="variant")
         parts.append(success.assign(row=f"{name}: {SUCCESS}"))
         mine = found[found.variant == variant]

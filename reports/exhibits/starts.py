@@ -34,6 +34,8 @@ def table(results: Results) -> pd.DataFrame:
     parts = []
     for split in SPLITS:
         found = keep_common(results.main(split=split))
+        if found.empty:
+            continue
         seeds = found.groupby(["task", "method"]).seed.transform("nunique")
         few = np.minimum(found.episodes, np.maximum(1, SHOWN // seeds))
         for row in found.assign(seeds=seeds, n=few).to_dict("records"):
