@@ -11,8 +11,8 @@ from tasks.registry import TASKS, get_task
 
 SEED = (
     "A seed repeats the whole study: it draws the demonstrations, the test starts, and the random"
-    " numbers of controllers and methods. All methods of a seed share what it draws, and nothing"
-    " but the expert is shared by two seeds."
+    " numbers of controllers and methods. All methods of a seed share what it draws; two seeds"
+    " share only the expert and the sizes that `sizes` chooses."
 )
 
 

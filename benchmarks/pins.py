@@ -58,7 +58,7 @@ def measure() -> dict[str, float]:
             kind(config, task.layout).fit(demos, validation, 1)
             found[name] = process_time() - began
         began = process_time()
-        train_controller(ControllerConfig(epochs=20), demos, "door")
+        train_controller(ControllerConfig(epochs=20), demos, "door", 1)
         found["controller"] = process_time() - began
         began = process_time()
         rollout(task, task.sample("train", 100), load_expert(task).policy, threads=1, whole=True)

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from methods.layers import times
 from tasks.data import FloatArray
 
 WHITENING_FLOOR = 1e-6
@@ -63,7 +64,7 @@ def dmp(config: DMPConfig, start: Tensor, goal: Tensor, weights: Tensor) -> Tens
         start[..., None, :] * of_start[:, None]
         + goal[..., None, :] * of_goal[:, None]
         + config.start_velocity * of_velocity[:, None]
-        + (forcing @ of_weights.T).transpose(-1, -2)
+        + times(forcing, of_weights.T).transpose(-1, -2)
     )
 
 

@@ -51,6 +51,16 @@ def after(weights: Weights, name: str, layer: tuple[Tensor, Tensor]) -> tuple[Te
     return torch.bmm(weight, weights[f"{name}.weight"]), bias + inner[..., 0]
 
 
+def times(x: Tensor, matrix: Tensor) -> Tensor:
+    """Returns x (S, ..., I) times one matrix (I, K) for all networks, (S, ..., K).
+
+    Each network has a product of its own: in one product for all, the rows after the last full
+    block are rounded differently, and so those of the last network.
+    """
+    rows = torch.bmm(x.flatten(1, -2), matrix.expand(len(x), -1, -1))
+    return rows.unflatten(1, x.shape[1:-1])
+
+
 def _times_column(x: Tensor, column: Tensor) -> Tensor:
     """Returns (S, B, 1), x (S, B, I) times the column (S, 1, I).
 

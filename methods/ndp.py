@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from methods.base import check_above
 from methods.dmp import DMPConfig, dmp, whitening
-from methods.layers import Weights, mlp, mlp_weights
+from methods.layers import Weights, mlp, mlp_weights, times
 from methods.network import NetworkConfig, NetworkMethod
 from tasks.data import FloatArray
 from tasks.errors import InputError
@@ -50,6 +50,7 @@ class NDP(NetworkMethod):
     """Maps x(1) to a goal and N_b weights for each joint of the hand."""
 
     name = "ndp"
+    version = 2
     summary = "dynamic movement primitives whose parameters a network gives"
     sizes: ClassVar[Mapping[str, NDPConfig]] = {
         "small": NDPConfig(hidden=(32, 64, 32), basis_functions=10),
@@ -102,7 +103,7 @@ class NDP(NetworkMethod):
         dt = 1 / steps if config.dt is None else config.dt
         layer = DMPConfig(config.basis_functions, steps, dt)
         if config.weight_gain is None:
-            of_basis = of_basis @ torch.from_numpy(whitening(layer)).to(of_basis)
+            of_basis = times(of_basis, torch.from_numpy(whitening(layer)).to(of_basis))
         else:
             of_basis = config.weight_gain * of_basis
         return dmp(layer, start[..., :driven], config.goal_gain * goal, of_basis)

@@ -55,7 +55,7 @@ class PublishedNGF(NetworkMethod):
     """The transformer and the correction of its motion."""
 
     name = "ngf"
-    version = 3
+    version = 4
     summary = "causal transformer with one corrected step"
     at_once = 20
     """The activations of all demonstrations, 143 MB per layer, would not fit a processor cache."""
@@ -159,9 +159,13 @@ def _mlp(weights: Weights, name: str, x: Tensor) -> Tensor:
 
 
 def _attend(weights: Weights, block: int, x: Tensor) -> Tensor:
-    """Causal self-attention of (S, B, T, E)."""
+    """Causal self-attention of (S, B, T, E).
+
+    The heads are copied apart. torch copies them anyway, unless there is one network with one
+    motion, whose products would then be rounded differently.
+    """
     query, key, value = (
-        _each(weights, f"{part}{block}", x).unflatten(-1, (HEADS, -1)).transpose(2, 3)
+        _each(weights, f"{part}{block}", x).unflatten(-1, (HEADS, -1)).transpose(2, 3).contiguous()
         for part in ("query", "key", "value")
     )
     seen = functional.scaled_dot_product_attention(query, key, value, is_causal=True)

@@ -52,7 +52,7 @@ class Subject:
     def fits(
         self, seeds: Sequence[int] = (1,), stream: str = "toy", epochs: int = EPOCHS
     ) -> list[SubjectFit]:
-        """Returns one new fit for each seed.
+        """Returns one new fit for each seed, which has demonstrations of its own.
 
         Args:
             seeds: the seeds, which are fitted together.
@@ -64,8 +64,9 @@ class Subject:
         """
         values = self.values(epochs)
         with guarded("check", stream) as changed:
-            several = [toy(0, 12)] * len(seeds), [toy(1, 4)] * len(seeds)
-            found = fitted(self.method, values, LAYOUT, *several, seeds)
+            demos = [toy(10 * seed, 12) for seed in seeds]
+            validation = [toy(10 * seed + 1, 4) for seed in seeds]
+            found = fitted(self.method, values, LAYOUT, demos, validation, seeds)
             learnt = [stored(one, values, LAYOUT) for one in found]
         return [SubjectFit(*parts, tuple(changed)) for parts in zip(found, learnt, strict=True)]
 

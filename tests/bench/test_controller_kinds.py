@@ -62,7 +62,6 @@ def test_every_controller_of_the_presets_has_a_description():
     assert {cell.evaluation.controller for cell in cells} == set(ABOUT)
 
 
-@pytest.mark.xfail(reason="until `python -m bench.ship_controllers` has run")
 @pytest.mark.parametrize("name", TASKS)
 def test_the_controllers_of_quick_are_shipped(name):
     study = replace(get_preset("quick"), tasks=(name,), methods=("kodex",))

@@ -9,6 +9,7 @@ from bench.computing import fit_methods
 from bench.controller import ControllerConfig
 from bench.costs import fit_cost
 from bench.driver import run
+from bench.job_queue import JobQueue
 from bench.presets import get_preset
 from bench.results import Results as StoredResults
 from tasks.errors import InputError
@@ -158,7 +159,7 @@ def test_an_audit_evaluates_other_masses_and_other_controllers(task, smoke, benc
     assert "door heavy_palm,kodex" in (tables / "audit_physics.csv").read_text()
 
 
-def test_a_seed_gives_the_same_bytes_alone_and_beside_others_in_any_order(
+def test_a_seed_gives_the_same_bytes_alone_and_beside_others_in_any_order_on_any_workers(
     task, smoke, tmp_path, files_of, monkeypatch
 ):
     monkeypatch.setattr("bench.runner.trained", lambda spec: None)  # each run trains controllers
@@ -168,11 +169,16 @@ def test_a_seed_gives_the_same_bytes_alone_and_beside_others_in_any_order(
         settings={("nn", "epochs"): 2},
         episodes={"success": 4, "ood": 3},
     )
-    found = []
-    for name, seeds in (("alone", (2,)), ("beside", (3, 2, 1))):
-        run(replace(study, seeds=seeds), tmp_path / name, Workers(1, "sequential"))
-        files = files_of(tmp_path / name)
+    found, divide_long = [], JobQueue.divide_long
+    # The more workers there are, the fewer seeds a job has: here three, two and one.
+    for seeds, workers in (((2,), 1), ((3, 2, 1), 1), ((1, 2, 3), 3), ((3, 2, 1), 100)):
+        out = tmp_path / str(len(found))
+        monkeypatch.setattr(
+            JobQueue, "divide_long", lambda queue, _, workers=workers: divide_long(queue, workers)
+        )
+        run(replace(study, seeds=seeds), out, Workers(1, "sequential"))
+        files = files_of(out)
         found.append({path: digest for path, digest in files.items() if "-s2-" in path})
-    assert found[0] == found[1]
+    assert found == found[:1] * 4
     assert sum(path.endswith(".parquet") for path in found[0]) == 3 * 2
     assert sum(path.endswith(".safetensors") for path in found[0]) == 3

@@ -1,4 +1,4 @@
-"""What each task's demonstrations, controller and fits must hash to on every processor.
+"""What demonstrations, controller and fits of seed 1 must hash to on every processor.
 
 `python tests/helpers/same_bits.py` computes all of it, compares it with ``same_bits.json`` and
 notes the processor there; with ``--new`` it writes the digests anew.
@@ -23,6 +23,7 @@ from tasks.recorder import make_demos
 from tasks.registry import TASKS, get_task
 
 FILE = Path(__file__).with_suffix(".json")
+SEED = 1
 DEMOS, EPOCHS = 20, 2
 """Of each network: enough for every kernel to be called."""
 
@@ -31,7 +32,7 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
     """Yields the name and SHA-256 of each thing, computed from nothing."""
     task = get_task(task_name)
     with guarded("demonstrations"):
-        demos = make_demos(task, load_expert(task).policy, TRAINING + VALIDATION, threads=1)
+        demos = make_demos(task, load_expert(task).policy, TRAINING + VALIDATION, SEED, threads=1)
     arrays = (demos.starts.values, demos.states, demos.velocities, demos.actions)
     yield "demonstrations", hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()
     training, validation = split(demos)
@@ -42,13 +43,13 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
             config, learnt_from = replace(config, epochs=EPOCHS), training[:DEMOS]
         with guarded(name):
             method = kind(config, task.layout)
-            method.fit(learnt_from, validation, 1)
+            method.fit(learnt_from, validation, SEED)
             motion = method.rollout(validation.states[:, 0], task.horizon - 1)
         yield name, _sha256(to_bytes(method.parameters()))
         yield f"{name} motions", hashlib.sha256(motion.tobytes()).hexdigest()
     if controller:
         with guarded("controller"):
-            weights = train_controller(ControllerConfig(), training, task_name)
+            weights = train_controller(ControllerConfig(), training, task_name, SEED)
         yield "controller", _sha256(to_bytes(weights))
 
 

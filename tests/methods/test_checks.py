@@ -161,6 +161,12 @@ class FirstSeedForAll(Seeded):
         return super().fit_seeds(config, layout, demos, validation, [seeds[0]] * len(seeds))
 
 
+class FirstDemosForAll(OneVariant):
+    @classmethod
+    def fit_seeds(cls, config, layout, demos, validation, seeds):
+        return super().fit_seeds(config, layout, [demos[0]] * len(seeds), validation, seeds)
+
+
 class GlobalStream(OneVariant):
     def fit(self, demos, validation, seed):
         super().fit(demos, validation, seed)
@@ -273,6 +279,7 @@ class Raises(OneVariant):
         (Still, "beats_holding_still", "holding still has"),
         (Nondeterministic, "same_seed_same_answer", "answer differently"),
         (FirstSeedForAll, "seeds_alone_or_together", "apart for seed 2"),
+        (FirstDemosForAll, "seeds_alone_or_together", "apart for seed 2"),
         (GlobalStream, "process_untouched", "global random stream of torch"),
         (GlobalStream, "global_streams_unused", "depend on a global random stream"),
         (SeedsGlobally, "process_untouched", "global random stream of random"),

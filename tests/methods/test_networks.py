@@ -10,7 +10,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from methods.base import shortened
+from methods.base import config_of, shortened
+from methods.kodex import Kodex
 from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
 from methods.lstm import LSTM
 from methods.ndp import NDP
@@ -102,23 +103,32 @@ def test_a_decaying_learning_rate_falls_linearly_to_zero(line, monkeypatch):
     np.testing.assert_allclose(seen, SCHEDULE.learning_rate * (1 - np.arange(9) / 9))
 
 
-@pytest.mark.parametrize("method", [NN, LSTM, NDP, NGF, PublishedNGF])
-def test_a_seed_gives_the_same_weights_alone_and_beside_others(method):
-    # Each seed has demonstrations of its own; batches of full vectors, see docs/methods.md
-    config = replace(shortened(method.sizes["small"], 1), batch_size=16)
+@pytest.mark.parametrize(
+    ("method", "variant"),
+    [
+        (Kodex, "described"),
+        *((method, variant) for method in (NN, LSTM, NDP) for variant in method.variants),
+        (NGF, "described"),
+        (PublishedNGF, "published"),
+    ],
+)
+def test_a_seed_with_its_own_demonstrations_gives_the_same_fit_alone_and_beside_others(
+    method, variant
+):
+    """Of 21 motions, a mini-batch that fills no vector remains, and a piece of one motion."""
+    config = shortened(config_of(method, next(iter(method.sizes)), variant), 1)
 
-    def weights_of_seed_1(seeds):
-        demos, validation = (
-            [toy(seed, 16) for seed in seeds],
-            [toy(10 + seed, 16) for seed in seeds],
-        )
+    def seed_1(seeds):
+        demos = [toy(seed, 21) for seed in seeds]
+        validation = [toy(10 + seed, 1) for seed in seeds]
         fitted = method.fit_seeds(config, LAYOUT, demos, validation, seeds)
-        return fitted[seeds.index(1)].parameters()
+        one = fitted[seeds.index(1)]
+        return one.parameters() | one.diagnostics()
 
-    alone, pair, last = map(weights_of_seed_1, ([1], [1, 7], [7, 3, 1]))
-    for name, array in alone.items():
-        np.testing.assert_array_equal(pair[name], array)
-        np.testing.assert_array_equal(last[name], array)
+    alone = seed_1([1])
+    for seeds in ([1, 7], [7, 1], [5, 7, 3, 1]):
+        for name, array in seed_1(seeds).items():
+            np.testing.assert_array_equal(array, alone[name])
 
 
 @pytest.mark.parametrize(
