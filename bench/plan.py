@@ -116,8 +116,8 @@ def _priced(study: Study, folder: Path, jobs: int) -> Plan:
 def queue_of(agenda: Agenda, results: Results, workers: int) -> JobQueue:
     """Returns the jobs of a run. A controller that is trained already needs no job."""
     missing = find_missing(results, [cell.wanted for cell in agenda.cells])
-    controllers = [cell.controller for cell in agenda.cells if cell.controller]
-    ready = {spec.key for spec in controllers if spec.key in missing.controllers and trained(spec)}
+    controllers = {spec.key: spec for cell in agenda.cells for spec in cell.controllers}
+    ready = {key for key in missing.controllers if trained(controllers[key])}
     missing, threads = missing.without(ready), simulator_threads(workers)
     queue = JobQueue(jobs_of(agenda.known, missing, threads))
     for choice in agenda.choices:
