@@ -12,13 +12,12 @@ from statsmodels.stats.power import TTestPower
 from bench.detectable import power_given, power_of, told
 from bench.presets import get_preset
 from bench.spread import spread_over_seeds
+from methods.registry import get_method
 from tasks.data import generator
 from tasks.registry import TASKS
 
 STUDY = replace(get_preset("paper"), tasks=("door", "tool"))
 METHODS = ("kodex", "nn", "ndp")
-SIZES = {"kodex": "single", "nn": "large", "ndp": "median"}
-"""The default sizes on door and tool, but NN's on tool."""
 
 
 def row(task, method, seed, successes, **changes):
@@ -27,7 +26,7 @@ def row(task, method, seed, successes, **changes):
         "task": task,
         "method": method,
         "variant": "described",
-        "size": SIZES[method],
+        "size": get_method(method).default_size[task],
         "config": "{}",
         "demos": 200,
         "held_out": 0,
@@ -114,7 +113,7 @@ def test_the_smallest_difference_and_the_seeds_it_takes_are_those_of_statsmodels
         {"controller": "unclipped"},
         {"settings": "cutoff=2"},
         {"held_out": 40},
-        {"size": "small"},
+        {"size": "large"},
     ],
 )
 def test_other_evaluations_do_not_count(changes):
