@@ -1,7 +1,7 @@
 """Cells: fits evaluated in given conditions, each with the controller that it needs."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bench.controller_kinds import KINDS, NO_CONTROLLER, ORIGINAL
 from bench.presets import Study
@@ -56,6 +56,7 @@ def _cell(study: Study, fit: Fit, place: Conditions, episodes: int) -> Cell:
 
 def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
     kind = KINDS[place.controller]
+    begin = replace(place, controller=kind.starts_from) if kind.starts_from else None
     return ControllerSpec(
         fit.task,
         kind.name,
@@ -64,4 +65,5 @@ def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
         demos_key(get_task(fit.task)) if kind.records_expert else fit.demos_key,
         fit.seed,
         place.physics if kind.changed_physics else NOMINAL,
+        start=_controller(study, fit, begin) if begin else None,
     )

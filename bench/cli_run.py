@@ -121,12 +121,13 @@ def plan(
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate time, memory and disk of a study on this machine.
+    """Estimate time, memory and disk of a study on this machine, and what its seeds can show.
 
     Takes the options of `bench run`. The first call measures the machine's speed,
     in seconds. Methods of packages are measured on each call.
     """
     from bench.cores import count_jobs
+    from bench.detectable import told
     from bench.doing import doing
     from bench.plan import make_plan
 
@@ -149,6 +150,7 @@ def plan(
             " {memory_gib:.1f} GiB of memory; {disk_gib:.2f} GiB of disk, {free_gib:.0f} free"
             "".format(**asdict(made), jobs=count_of(count, "job"))
         )
+        print("\n".join(told(made.power)))
     made.check()
 
 

@@ -60,7 +60,7 @@ def progress(results: "Results") -> dict[str, int]:
     results.check_exists()
     wanted = results.manifest().wanted
     missing = find_missing(results, wanted)
-    controllers = {one.controller.key for one in wanted if one.controller}
+    controllers = {name.key for one in wanted for name in one.controllers}
     fits = {one.fit.key for one in wanted if one.fitted}
     return {
         "controllers": len(controllers),

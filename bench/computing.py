@@ -50,13 +50,22 @@ class Evaluated:
     """See `bench.provenance.software`."""
 
 
-def fit_controllers(specs: Sequence[ControllerSpec], demos: Sequence[Demos]) -> list[Fitted]:
-    """Returns the weights of controllers that differ only in their seeds, with their own data."""
+def fit_controllers(
+    specs: Sequence[ControllerSpec], demos: Sequence[Demos], start: Sequence[bytes] = ()
+) -> list[Fitted]:
+    """Returns the weights of controllers that differ only in their seeds.
+
+    Args:
+        specs: the controllers.
+        demos: for each controller, what it learns from.
+        start: for each controller, the stored weights that it starts from. Default: random weights.
+    """
     began, first = time.process_time(), specs[0]
     check_mark(first.pins)
-    trained = train_controllers(first.config, demos, first.task, [spec.seed for spec in specs])
+    seeds, weights = [spec.seed for spec in specs], [from_bytes(content) for content in start]
+    trained = train_controllers(first.config, demos, first.task, seeds, weights)
     seconds = (time.process_time() - began) / len(specs)
-    return [_fitted(to_bytes(weights), {}, seconds) for weights in trained]
+    return [_fitted(to_bytes(one), {}, seconds) for one in trained]
 
 
 def fit_methods(

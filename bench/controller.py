@@ -62,7 +62,11 @@ def train_controller(config: ControllerConfig, demos: Demos, name: str, seed: in
 
 
 def train_controllers(
-    config: ControllerConfig, demos: Sequence[Demos], name: str, seeds: Sequence[int]
+    config: ControllerConfig,
+    demos: Sequence[Demos],
+    name: str,
+    seeds: Sequence[int],
+    start: Sequence[Parameters] = (),
 ) -> list[Parameters]:
     """Trains a controller for each seed and returns its weights after the last epoch.
 
@@ -73,18 +77,24 @@ def train_controllers(
         demos: for each seed, its demonstrations: hand motions are the inputs, actions the targets.
         name: name of the task, on which the random streams depend.
         seeds: seeds of the initial weights and the order of samples.
+        start: for each seed, the weights that training starts from. Default: random weights.
     """
     found: dict[int, Parameters] = {}
     for count in dict.fromkeys(map(len, demos)):
         rows = [row for row, of_seed in enumerate(demos) if len(of_seed) == count]
         chosen = [seeds[row] for row in rows]
-        trained = _train_together(config, [demos[row] for row in rows], name, chosen)
+        begin = [start[row] for row in rows] if start else []
+        trained = _train_together(config, [demos[row] for row in rows], name, chosen, begin)
         found |= dict(zip(rows, trained, strict=True))
     return [found[row] for row in range(len(demos))]
 
 
 def _train_together(
-    config: ControllerConfig, demos: Sequence[Demos], name: str, seeds: Sequence[int]
+    config: ControllerConfig,
+    demos: Sequence[Demos],
+    name: str,
+    seeds: Sequence[int],
+    start: Sequence[Parameters],
 ) -> Iterator[Parameters]:
     from methods.layers import mlp, mlp_weights
     from methods.training import Schedule, minimise
@@ -104,6 +114,7 @@ def _train_together(
         ),
         name=f"controller of {name}",
         seeds=seeds,
+        start=start,
     )
     return (dict(one.weights) for one in trained)
 

@@ -1,19 +1,20 @@
-"""The kinds of tracking controllers, which differ in their training data."""
+"""The kinds of tracking controllers, which differ in what they learn from and start from."""
 
 from dataclasses import dataclass
 
 NO_CONTROLLER = "none"
 """In place of a controller's name where the expert or the method computes actions itself."""
 ORIGINAL, UNCLIPPED, TUNED, ON_SUCCESSES = "original", "unclipped", "tuned", "tuned-on-successes"
+FINE_TUNED = "fine-tuned"
 
 
 @dataclass(frozen=True)
 class ControllerKind:
-    """The training data of the controllers of one kind."""
+    """What the controllers of one kind learn from and start from."""
 
     name: str
     about: str
-    """A description of the training data."""
+    """A description."""
     records_expert: bool = True
     """Whether they learn from new rollouts of the suite's expert. If not, they learn from the
     demonstrations that the methods learn from."""
@@ -23,6 +24,8 @@ class ControllerKind:
     """Whether failing rollouts are kept, except those that diverge."""
     clips_actions: bool = True
     """Whether the expert's actions are clipped to [-1, 1], as the simulator clips them."""
+    starts_from: str = ""
+    """The kind whose weights, of the same seed, training starts from. Default: random weights."""
 
 
 KINDS = {
@@ -50,12 +53,18 @@ KINDS = {
             changed_physics=True,
             keeps_failures=False,
         ),
+        ControllerKind(
+            FINE_TUNED,
+            "as tuned, but training starts from the weights of the original controller",
+            changed_physics=True,
+            starts_from=ORIGINAL,
+        ),
     )
 }
 """Every kind, by name."""
 
 
-AUDITED = (UNCLIPPED, ON_SUCCESSES)
+AUDITED = (UNCLIPPED, ON_SUCCESSES, FINE_TUNED)
 """The kinds of controllers that only the experiment ``audit`` evaluates."""
 ABOUT = {
     NO_CONTROLLER: "no controller: the expert and closed-loop methods act themselves",

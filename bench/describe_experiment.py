@@ -65,8 +65,8 @@ ABOUT = {
     "audit": About(
         measures="How far results depend on choices that the paper leaves open.",
         varies="Task, method, seed, and one of these at a time: the variant of the method (as"
-        " described, as published, others), the reading of appendix I, the success rule, and the"
-        " controller's training data.",
+        " described, as published, others), the reading of appendix I, the success rule, and what"
+        " the controller learns from and starts from.",
         own=("audit_variant", "audit_rule", "audit_physics"),
     ),
 }

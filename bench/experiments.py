@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from bench.cells import Conditions, cells, tracked
-from bench.controller_kinds import ON_SUCCESSES, TUNED, UNCLIPPED
+from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, TUNED, UNCLIPPED
 from bench.fits import chosen_fits, fits_of_kodex, fits_of_sizes, fits_of_variants, held_out
 from bench.presets import Study
 from bench.selection import Sizes
@@ -100,13 +100,17 @@ def _rules(study: Study, chosen: Sizes) -> list[Cell]:
 
 
 def _controllers(study: Study, chosen: Sizes) -> list[Cell]:
-    """Success with controllers that learnt from something else."""
+    """Success with controllers that learnt from something else, or started elsewhere."""
     fits = tracked(chosen_fits(study, chosen))
     unclipped = [Conditions("test", controller=UNCLIPPED)]
-    on_successes = [Conditions("test", physics, ON_SUCCESSES) for physics in VARIATIONS]
+    tuned = [
+        Conditions("test", physics, kind)
+        for kind in (ON_SUCCESSES, FINE_TUNED)
+        for physics in VARIATIONS
+    ]
     return [
         *cells(study, fits, unclipped, study.episodes["audit"]),
-        *cells(study, fits, on_successes, _few(study)),
+        *cells(study, fits, tuned, _few(study)),
     ]
 
 

@@ -31,7 +31,6 @@ class ControllerJob:
     cached: bool
     """Whether the controllers are also stored in the cache."""
     kind: ClassVar = "controllers"
-    needs: ClassVar[tuple[str, ...]] = ()
     after: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -50,6 +49,11 @@ class ControllerJob:
         return tuple(spec.key for spec in self.specs)
 
     @cached_property
+    def needs(self) -> tuple[str, ...]:
+        """The keys of the controllers that they start from."""
+        return tuple(spec.start.key for spec in self.specs if spec.start)
+
+    @cached_property
     def cost(self) -> Cost:
         """The expected cost on the reference machine."""
         return controller_cost(self.specs)
@@ -61,7 +65,8 @@ class ControllerJob:
     def call(self, results: Results) -> Call:
         """Returns what to call in the process of the job; makes demonstrations if needed."""
         demos = [controller_demos(spec) for spec in self.specs]
-        return self.label, fit_controllers, (self.specs, demos)
+        start = [results.controller_weights(spec.start) for spec in self.specs if spec.start]
+        return self.label, fit_controllers, (self.specs, demos, start)
 
     def store(self, result: Sequence[Fitted], writer: ResultsWriter) -> None:
         """Stores what the call has returned."""
@@ -214,7 +219,7 @@ def jobs_of(
         cached: whether controllers are stored in the cache.
     """
     cells, order = list(cells), tuple(sorted(after))
-    controllers = {c.key: c for cell in cells if (c := cell.controller)}
+    controllers = {spec.key: spec for cell in cells for spec in cell.controllers}
     fits = {cell.fit.key: cell.fit for cell in cells if cell.fit.method != EXPERT}
     untrained = [spec for key, spec in controllers.items() if key in missing.controllers]
     jobs: list[RunJob] = [

@@ -36,11 +36,18 @@ class Wanted:
     """The tracking controller; None if the evaluation uses none."""
     fitted: bool = True
     """Whether a method is evaluated; the expert is not fitted."""
+    start: Name | None = None
+    """The controller whose weights the tracking controller starts from; None if it has none."""
 
     @property
     def place(self) -> tuple[str, str]:
         """The labels of the fit and the evaluation; a manifest has each place once."""
         return self.fit.label, self.evaluation.label
+
+    @property
+    def controllers(self) -> list[Name]:
+        """The tracking controller and the one that it starts from, those that there are."""
+        return [name for name in (self.controller, self.start) if name]
 
 
 @dataclass(frozen=True)
@@ -97,9 +104,11 @@ def _wanted(path: Path, entry: dict[str, Any]) -> Wanted:
     check(type(entry["episodes"]) is int, path, "a number of episodes")
     check(type(entry["fitted"]) is bool, path, "fitted")
     fit, evaluation = (_name(path, entry[part]) for part in ("fit", "evaluation"))
-    controller = entry["controller"]
-    tracked = None if controller is None else _name(path, controller)
-    return Wanted(fit, evaluation, entry["episodes"], tracked, entry["fitted"])
+    controller, start = (
+        None if entry[part] is None else _name(path, entry[part])
+        for part in ("controller", "start")
+    )
+    return Wanted(fit, evaluation, entry["episodes"], controller, entry["fitted"], start)
 
 
 def _name(path: Path, entry: dict[str, Any]) -> Name:

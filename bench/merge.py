@@ -64,17 +64,18 @@ def _joined(manifest: Manifest, source: Results) -> Manifest:
 
 
 def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
-    """Copies an evaluation, its fit and its controller, unless they are stored already."""
-    there, fit, controller = writer.results, wanted.fit, wanted.controller
+    """Copies an evaluation, its fit and its controllers, unless they are stored already."""
+    there, fit = writer.results, wanted.fit
     difference = first_difference(there, source, wanted)
     if difference:
         raise InputError(
             f"{source.folder} and a folder before it differ in what must have the same bits:"
             f" {difference}"
         )
-    if controller and source.has_controller(controller) and not there.has_controller(controller):
-        path = controller_path(writer.folder, controller)
-        writer.write_folder(path, source.controller_files(controller))
+    for controller in wanted.controllers:
+        if source.has_controller(controller) and not there.has_controller(controller):
+            path = controller_path(writer.folder, controller)
+            writer.write_folder(path, source.controller_files(controller))
     if not source.has_fit(fit):
         return
     if not there.has_fit(fit):

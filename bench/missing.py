@@ -47,7 +47,7 @@ def find_missing(results: Results, wanted: Iterable[Wanted]) -> Missing:
     for one in wanted:
         known = by_key.setdefault(one.evaluation.key, one)
         by_key[one.evaluation.key] = max(known, one, key=lambda other: other.episodes)
-    controllers = {one.controller.key: one.controller for one in by_key.values() if one.controller}
+    controllers = {name.key: name for one in by_key.values() for name in one.controllers}
     fits = {one.fit.key: one.fit for one in by_key.values()}
     missing_fits = {key for key, fit in fits.items() if not results.has_fit(fit)}
     acting = {one.fit.key for one in by_key.values() if not one.fitted}

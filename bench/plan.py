@@ -1,5 +1,7 @@
 """Estimates what a study costs: its missing results, and the time, memory and disk they need.
 
+It also says which differences of methods the seeds can show, see `bench.detectable`.
+
 Costs are those of `bench.costs`, times the factor of this machine, which a short calibration
 measures. The table of costs has no methods of packages. For these, a fit to a few demonstrations
 over one or two epochs is measured each time. Measured is CPU time, which other work hardly affects.
@@ -21,6 +23,7 @@ from bench.agenda import Agenda, make_agenda
 from bench.checking import known
 from bench.cores import simulator_threads
 from bench.costs import JOB_SECONDS
+from bench.detectable import StudyPower, power_of
 from bench.doing import say
 from bench.isolation import apart
 from bench.job_queue import Job, JobQueue, finishing_time, name_of
@@ -48,7 +51,7 @@ GIB_PER_JOB = 1.5
 
 @dataclass(frozen=True)
 class Plan:
-    """The cost of a study on this machine."""
+    """The cost of a study on this machine, and what it can show."""
 
     cells: int
     missing_controllers: int
@@ -64,6 +67,8 @@ class Plan:
     memory_gib: float
     disk_gib: float
     free_gib: float
+    power: StudyPower | None
+    """What the seeds can show; None if it is not known."""
 
     def check(self) -> None:
         """Raises InputError if memory or disk does not suffice."""
@@ -110,14 +115,15 @@ def _priced(study: Study, folder: Path, jobs: int) -> Plan:
         memory_gib=GIB_PER_JOB * jobs,
         disk_gib=size / 2**30,
         free_gib=free_disk(folder)[1],
+        power=power_of(study),
     )
 
 
 def queue_of(agenda: Agenda, results: Results, workers: int) -> JobQueue:
     """Returns the jobs of a run. A controller that is trained already needs no job."""
     missing = find_missing(results, [cell.wanted for cell in agenda.cells])
-    controllers = [cell.controller for cell in agenda.cells if cell.controller]
-    ready = {spec.key for spec in controllers if spec.key in missing.controllers and trained(spec)}
+    controllers = {spec.key: spec for cell in agenda.cells for spec in cell.controllers}
+    ready = {key for key in missing.controllers if trained(controllers[key])}
     missing, threads = missing.without(ready), simulator_threads(workers)
     queue = JobQueue(jobs_of(agenda.known, missing, threads))
     for choice in agenda.choices:

@@ -92,9 +92,7 @@ class Runner:
 
     def copy_trained(self, cells: Iterable[Cell]) -> None:
         """Copies controllers that need no training into the results folder."""
-        for spec in {
-            cell.controller.key: cell.controller for cell in cells if cell.controller
-        }.values():
+        for spec in {spec.key: spec for cell in cells for spec in cell.controllers}.values():
             found = None if self.results.has_controller(spec) else trained(spec)
             if found:
                 self._writer.add_controller(spec, found.weights, found.facts)

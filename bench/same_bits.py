@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.manifest import Wanted
+from bench.manifest import Name, Wanted
 from bench.provenance import same_bits
 from bench.results import Results
 from bench.stored_files import software_of
@@ -21,13 +21,14 @@ def first_difference(one: Results, other: Results, wanted: Wanted) -> str:
     Compared are controller, fit and episodes, each if both folders have it and its software was the
     same and pinned, see `tasks.pins`.
     """
-    found = _controllers_differ(one, other, wanted) or _fits_differ(one, other, wanted)
+    controllers = (_controllers_differ(one, other, name) for name in wanted.controllers)
+    found = next(filter(None, controllers), "") or _fits_differ(one, other, wanted)
     return found or _evaluations_differ(one, other, wanted)
 
 
-def _controllers_differ(one: Results, other: Results, wanted: Wanted) -> str:
-    spec, both = wanted.controller, (one, other)
-    if spec is None or not all(results.has_controller(spec) for results in both):
+def _controllers_differ(one: Results, other: Results, spec: Name) -> str:
+    both = (one, other)
+    if not all(results.has_controller(spec) for results in both):
         return ""
     if not same_bits(*(results.controller_facts(spec) for results in both)):
         return ""

@@ -147,7 +147,8 @@ class ControllerSpec:
     """A tracking controller with every value that affects what it learns.
 
     Raises:
-        InputError: there is no such kind, or controllers of that kind do not learn in that physics.
+        InputError: there is no such kind, or controllers of that kind do not learn in that physics,
+            or start from other weights.
     """
 
     task: str
@@ -165,6 +166,8 @@ class ControllerSpec:
     """Physics in which the rollouts that it learns from are recorded."""
     pins: str = field(default_factory=mark)
     """Whether the kernels that compute it are pinned, see `tasks.pins`."""
+    start: "ControllerSpec | None" = None
+    """The controller whose weights training starts from. Default: random weights."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -175,23 +178,35 @@ class ControllerSpec:
                 f"a controller of the kind {self.kind} learns in {place} physics, got"
                 f" {self.physics!r}"
             )
+        start = self.start.kind if self.start else ""
+        if start != KINDS[self.kind].starts_from:
+            raise InputError(
+                f"a controller of the kind {self.kind} starts from"
+                f" {KINDS[self.kind].starts_from or 'random'} weights, got {start or 'random'}"
+            )
 
     @cached_property
     def key(self) -> str:
         """Identifies the controller."""
-        return key("controller", asdict(self) | {"config": self.config.resolved()})
+        values = asdict(self) | {"config": self.config.resolved()}
+        del values["start"]
+        return key("controller", values | ({"start": self.start.key} if self.start else {}))
 
     @property
     def label(self) -> str:
         """A readable name, for folders and messages."""
         return f"{self.task}-{self.kind}-{self.physics}-s{self.seed}"
 
+    def of_seed(self, seed: int) -> "ControllerSpec":
+        """Returns the controller of another seed, which starts from weights of that seed too."""
+        return replace(self, seed=seed, start=self.start and self.start.of_seed(seed))
+
 
 def controller_blocks(specs: Iterable[ControllerSpec]) -> list[list[ControllerSpec]]:
     """Returns the controllers in groups that differ in their seeds only, and train together."""
     blocks: dict[str, list[ControllerSpec]] = {}
     for spec in specs:
-        blocks.setdefault(replace(spec, seed=0).key, []).append(spec)
+        blocks.setdefault(spec.of_seed(0).key, []).append(spec)
     return list(blocks.values())
 
 
@@ -204,14 +219,24 @@ class Cell:
     episodes: int
     controller: ControllerSpec | None = None
 
+    @property
+    def controllers(self) -> list[ControllerSpec]:
+        """The controller, if one is used, and the one that it starts from."""
+        return [spec for spec in (self.controller, self._start) if spec]
+
+    @property
+    def _start(self) -> ControllerSpec | None:
+        return self.controller.start if self.controller else None
+
     @cached_property
     def wanted(self) -> Wanted:
         """The cell as results folders know it."""
-        fit, controller = self.fit, self.controller
+        fit, controller, start = self.fit, self.controller, self._start
         return Wanted(
             Name(fit.label, fit.key),
             Name(self.evaluation.name, self.evaluation.key(fit)),
             self.episodes,
             Name(controller.label, controller.key) if controller else None,
             fit.method != EXPERT,
+            Name(start.label, start.key) if start else None,
         )

@@ -129,10 +129,16 @@ def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:
     evaluation = Evaluation(fit.task, **{name: row[name] for name in conditions})
     controller = None
     if evaluation.controller != NO_CONTROLLER:
-        spec = source.controller_spec(evaluation.controller_key)
-        config = spec["config"] | {"hidden": tuple(spec["config"]["hidden"])}
-        controller = ControllerSpec(**(spec | {"config": ControllerConfig(**config)}))
+        controller = stored_controller(source.controller_spec(evaluation.controller_key))
     return Cell(fit, evaluation, min(episodes, row["episodes"]), controller)
+
+
+def stored_controller(spec: Mapping[str, Any]) -> ControllerSpec:
+    """Returns the controller with the fields of `Source.controller_spec`."""
+    config = spec["config"] | {"hidden": tuple(spec["config"]["hidden"])}
+    start = spec.get("start")
+    values = {"config": ControllerConfig(**config), "start": start and stored_controller(start)}
+    return ControllerSpec(**{**spec, **values})
 
 
 def stored_fit(row: Mapping[str, Any]) -> Fit:

@@ -4,7 +4,7 @@ Networks of several seeds are trained together (see `methods.layers`). Each has 
 draws its own weights and its own order, and its result does not depend on the others.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
@@ -87,6 +87,7 @@ def minimise(
     seeds: Sequence[int],
     validate: Callable[[Weights], Tensor] | None = None,
     at_once: int | None = None,
+    start: Sequence[Mapping[str, FloatArray]] = (),
 ) -> list[Trained]:
     """Trains one network for each seed.
 
@@ -101,6 +102,7 @@ def minimise(
             kept. Default: those of the last epoch.
         at_once: number of samples that pass through a network at a time; the gradients of larger
             mini-batches are summed piece by piece. Default: whole mini-batches.
+        start: for each seed, the initial weights. Default: drawn ones.
 
     Raises:
         TrainingError: there are no samples, or some seed's loss was never finite.
@@ -108,8 +110,8 @@ def minimise(
     samples, count = _joined(data, len(seeds))
     if not count:
         raise TrainingError(f"{name} has no samples to learn from")
-    drawn = [draw(generator("weights", name, seed)) for seed in seeds]
-    numbers, weights, gradients = _leaves(drawn)
+    first = start or [draw(generator("weights", name, seed)) for seed in seeds]
+    numbers, weights, gradients = _leaves(first)
     leaves = list(weights.values())
     orders = [generator("order", name, seed) for seed in seeds]
 
@@ -158,7 +160,7 @@ def _joined(data: Iterable[Sequence[FloatArray]], seeds: int) -> tuple[list[Tens
     return [torch.cat(column) for column in zip(*parts, strict=True)], counts[0]
 
 
-def _leaves(drawn: Sequence[dict[str, FloatArray]]) -> tuple[Tensor, Weights, list[Tensor]]:
+def _leaves(drawn: Sequence[Mapping[str, FloatArray]]) -> tuple[Tensor, Weights, list[Tensor]]:
     """Returns all numbers in one tensor for Adam, the weights (S, ...) and their gradients.
 
     Weights and gradients are views of that tensor and of its gradient: a step of Adam on one tensor

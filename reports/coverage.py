@@ -11,13 +11,10 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-import bench
 from bench.power import detectable_difference, seeds_needed
-from reports.components import components
 from reports.multiple import verdict
 from reports.seed_statistics import Estimate, Rate, difference, rate
 from reports.simulated import SCENARIOS, Scenario, repeated
-from reports.style import display
 from reports.tried_intervals import bootstrap_t, logit_alone, paired_t, welch
 from tasks.data import BoolArray, generator
 
@@ -118,20 +115,6 @@ def claim_table() -> pd.DataFrame:
     return pd.DataFrame([shares], columns=columns)
 
 
-def components_table() -> pd.DataFrame:
-    """Returns the components of the shipped results, summed up by task."""
-    found = components(bench.load())
-    rows = []
-    for (task, kodex), pairs in found.groupby(["task", found.left == "kodex"], sort=False):
-        what = "KODex and a network" if kodex else "two networks"
-        row = {"task": display(str(task)), "difference of": what}
-        for name in ("controller", "seed"):
-            row[name] = f"{pairs[name].min():.1f} to {pairs[name].max():.1f}"
-        row["start"] = "-" if pairs.start.isna().all() else f"{pairs.start.mean():.2f}"
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
 def detectable_table() -> pd.DataFrame:
     """Returns what numbers of seeds can show, by the standard deviation of a seed's difference."""
     return pd.DataFrame(
@@ -158,7 +141,6 @@ def _named(shares: object, columns: list[str]) -> pd.DataFrame:
 def main(folder: Path) -> None:
     """Writes all tables."""
     tables = {
-        "components": components_table,
         "detectable": detectable_table,
         "coverage_differences": lambda: coverage_table(covered_differences),
         "coverage_rates": lambda: coverage_table(covered_rates),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from bench.controller_kinds import ON_SUCCESSES, TUNED, UNCLIPPED
+from bench.controller_kinds import AUDITED, TUNED
 from bench.labels import EXPERT
 from reports.pairing import demos_of_expert, without_expert
 from reports.style import TASKS, display, ordered
@@ -51,5 +51,5 @@ def remarks_on_the_expert(frame: pd.DataFrame) -> list[Remark]:
     tuned = f"On {place}, tuned and unclipped controllers learnt from the suite's expert; {learnt}."
     return [
         Remark(expert, frozenset({EXPERT}), frozenset(tasks)),
-        Remark(tuned, frozenset({TUNED, ON_SUCCESSES, UNCLIPPED}), frozenset(tasks)),
+        Remark(tuned, frozenset({TUNED, *AUDITED}), frozenset(tasks)),
     ]

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bench.controller_kinds import ON_SUCCESSES, TUNED
+from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, TUNED
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS
@@ -18,15 +18,16 @@ def table(results: Results) -> pd.DataFrame:
         for physics in (*CHANGES[task], *READINGS[task])
     ]
     parts += [
-        results.main(task=task, split="test", physics=physics, controller=ON_SUCCESSES)
+        results.main(task=task, split="test", physics=physics, controller=controller)
         for task in TASKS
         for physics in CHANGES[task]
+        for controller in (ON_SUCCESSES, FINE_TUNED)
     ]
     found = pd.concat(parts)
     if not any(found.physics.isin(READINGS[task]).any() for task in TASKS):
         return table_of()
     label = found.task + " " + found.physics
-    tuned = found.controller.isin([TUNED, ON_SUCCESSES])
+    tuned = found.controller.isin([TUNED, ON_SUCCESSES, FINE_TUNED])
     found = found.assign(label=label.where(~tuned, label + " " + found.controller))
     return in_order(success_table(results, found, "label", "method"), _rows(), METHODS)
 
@@ -43,6 +44,7 @@ def _rows() -> list[str]:
             f"{change}_inertia",
             f"{change} {TUNED}",
             f"{change} {ON_SUCCESSES}",
+            f"{change} {FINE_TUNED}",
         )
     ]
 
@@ -53,8 +55,9 @@ EXHIBIT = Exhibit(
     about=(
         "Success [%] on test starts in changed physics as this suite reads appendix I, with the"
         " body named palm in place of the forearm (palm), and with inertia that grows with the"
-        " mass (inertia); with the original controller, the tuned one, and one tuned on the"
-        " expert's successes alone."
+        " mass (inertia); with the original controller, the tuned one (trained anew on the expert's"
+        " episodes there), one tuned on the expert's successes alone, and a fine-tuned one (the"
+        " original, trained further on the same episodes as the tuned one)."
     ),
     table=table,
     part="audit",

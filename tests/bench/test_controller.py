@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -65,6 +67,19 @@ def test_the_weights_of_a_seed_do_not_depend_on_the_others_or_on_how_many_sample
     for name, array in alone.items():
         np.testing.assert_array_equal(several[2][name], array)
         assert (several[0][name] != array).any()
+
+
+def test_training_goes_on_from_the_given_weights_of_each_seed(demos):
+    given = train_controllers(CONFIG, [demos, demos], "toy", [1, 2])
+    fewer = [demos[:3], demos]
+    still = train_controllers(replace(CONFIG, learning_rate=1e-30), fewer, "toy", [1, 2], given)
+    moved = train_controllers(CONFIG, fewer, "toy", [1, 2], given)
+    drawn = train_controllers(CONFIG, fewer, "toy", [1, 2])
+    for seed in range(2):
+        for name, array in given[seed].items():
+            np.testing.assert_array_equal(still[seed][name], array)
+            assert (moved[seed][name] != array).any()
+            assert (moved[seed][name] != drawn[seed][name]).any()
 
 
 def test_the_controller_reproduces_its_training_actions(demos):

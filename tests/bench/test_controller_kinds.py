@@ -5,31 +5,43 @@ from dataclasses import replace
 import pytest
 
 from bench.controller import ControllerConfig
-from bench.controller_kinds import ABOUT, KINDS, ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED
+from bench.controller_kinds import (
+    ABOUT,
+    FINE_TUNED,
+    KINDS,
+    ON_SUCCESSES,
+    ORIGINAL,
+    TUNED,
+    UNCLIPPED,
+)
 from bench.experiments import cells_of
 from bench.presets import PRESETS, get_preset
-from bench.spec import ControllerSpec
+from bench.spec import ControllerSpec, controller_blocks
 from bench.study_demos import demos_keys_of
 from bench.trained import trained
 from tasks.errors import InputError
 from tasks.registry import TASKS
 
 SPEC = ControllerSpec("door", ORIGINAL, ControllerConfig(), 10, "key", 1)
+TUNED_SPEC = replace(SPEC, kind=TUNED, physics="heavy_hand")
+FINE = replace(TUNED_SPEC, kind=FINE_TUNED, start=SPEC)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_label_of_a_controller_shows_its_kind_its_physics_and_its_seed(kind):
     physics = "heavy_hand" if KINDS[kind].changed_physics else "nominal"
-    first = replace(SPEC, kind=kind, physics=physics)
+    start = SPEC if KINDS[kind].starts_from else None
+    first = replace(SPEC, kind=kind, physics=physics, start=start)
     assert first.label == f"door-{kind}-{physics}-s1"
     assert replace(first, seed=3).label == f"door-{kind}-{physics}-s3"
 
 
 def test_every_field_of_a_controller_changes_its_key():
-    tuned = replace(SPEC, kind=TUNED, physics="heavy_hand")
+    tuned = TUNED_SPEC
     others = [
         SPEC,
         tuned,
+        FINE,
         replace(SPEC, task="tool"),
         replace(SPEC, kind=UNCLIPPED),
         replace(tuned, kind=ON_SUCCESSES),
@@ -40,6 +52,17 @@ def test_every_field_of_a_controller_changes_its_key():
         replace(SPEC, seed=2),
     ]
     assert len({spec.key for spec in others}) == len(others)
+
+
+def test_another_original_controller_changes_the_key_of_what_starts_from_it():
+    starts = [SPEC, replace(SPEC, demos_key="other"), replace(SPEC, demos=11)]
+    assert len({replace(FINE, start=start).key for start in starts}) == 3
+
+
+def test_a_fine_tuned_controller_of_another_seed_starts_from_that_seed():
+    assert FINE.of_seed(3).start == replace(SPEC, seed=3)
+    seeds = [FINE.of_seed(seed) for seed in (1, 2, 3)]
+    assert controller_blocks([*seeds, SPEC]) == [seeds, [SPEC]]
 
 
 @pytest.mark.parametrize(
@@ -54,6 +77,19 @@ def test_every_field_of_a_controller_changes_its_key():
 def test_an_invalid_kind_or_physics_of_a_controller_is_refused(kind, physics, answer):
     with pytest.raises(InputError, match=answer):
         ControllerSpec("door", kind, ControllerConfig(), 10, "key", 1, physics)
+
+
+@pytest.mark.parametrize(
+    ("spec", "start", "answer"),
+    [
+        (FINE, None, "fine-tuned starts from original weights, got random"),
+        (FINE, TUNED_SPEC, "fine-tuned starts from original weights, got tuned"),
+        (TUNED_SPEC, SPEC, "tuned starts from random weights, got original"),
+    ],
+)
+def test_a_controller_that_starts_from_other_weights_than_its_kind_is_refused(spec, start, answer):
+    with pytest.raises(InputError, match=answer):
+        replace(spec, start=start)
 
 
 def test_every_controller_of_the_presets_has_a_description():

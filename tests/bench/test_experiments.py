@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.controller_kinds import ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED
+from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED
 from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import get_preset
 from bench.study_demos import demos_keys_of
@@ -86,6 +86,7 @@ def test_audit_changes_one_of_physics_controller_and_rule_at_a_time():
             (UNCLIPPED, NOMINAL, "appendix"),
             *((ORIGINAL, physics, "appendix") for physics in READINGS["tool"]),
             *((ON_SUCCESSES, physics, "appendix") for physics in VARIATIONS),
+            *((FINE_TUNED, physics, "appendix") for physics in VARIATIONS),
         ]
     )
 
@@ -99,8 +100,23 @@ def test_a_tuned_controller_learns_in_the_physics_of_the_evaluation_and_others_i
     ]
     assert controllers
     for physics, controller in controllers:
-        tuned = controller.kind in (TUNED, ON_SUCCESSES)
+        tuned = controller.kind in (TUNED, ON_SUCCESSES, FINE_TUNED)
         assert controller.physics == (physics if tuned else NOMINAL)
+
+
+def test_a_fine_tuned_controller_starts_from_the_original_one_of_its_seed_and_demonstrations():
+    study = replace(get_preset("audit"), tasks=("door",), methods=("kodex",), demos_keys={})
+    cells = cells_of(study, {"door": "of a file"})
+    original = {
+        cell.fit.seed: cell.controller
+        for cell in cells
+        if cell.controller and cell.controller.kind == ORIGINAL
+    }
+    tuned = [c for cell in cells if (c := cell.controller) and c.kind == FINE_TUNED]
+    assert {controller.seed for controller in tuned} == {1, 2, 3}
+    for controller in tuned:
+        assert controller.start == original[controller.seed]
+        assert controller.start.demos_key == "of a file" != controller.demos_key
 
 
 def test_efficiency_trains_on_fewer_demonstrations_and_keeps_the_controller():

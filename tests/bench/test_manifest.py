@@ -9,7 +9,8 @@ from tasks.errors import InputError
 
 KEYS = [f"{number:064x}" for number in range(9)]
 FIT, TRACKER = Name("door-kodex", KEYS[0]), Name("door-original-nominal", KEYS[1])
-TEST = Wanted(FIT, Name("eval-test", KEYS[2]), 20, TRACKER)
+START = Name("door-original-nominal-s1", KEYS[7])
+TEST = Wanted(FIT, Name("eval-test", KEYS[2]), 20, TRACKER, start=START)
 OOD = Wanted(FIT, Name("eval-ood", KEYS[3]), 10, TRACKER)
 EXPERT = Wanted(Name("door-expert", KEYS[4]), Name("eval-test", KEYS[5]), 20)
 
@@ -44,6 +45,7 @@ def test_another_fit_of_the_same_label_replaces_the_evaluations_of_the_first():
         ("fit", {"label": "../x", "key": KEYS[0]}),
         ("evaluation", {"label": "eval", "key": "12"}),
         ("controller", "door"),
+        ("start", "door"),
     ],
 )
 def test_a_damaged_manifest_is_refused_with_a_way_out(tmp_path, part, value):

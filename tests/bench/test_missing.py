@@ -21,13 +21,16 @@ LOSSES = ("nothing", "removed", "damaged", "shortened")
 
 
 @pytest.fixture
-def study(smoke):
-    """Two seeds of NN at one size, KODex and the expert."""
+def study(smoke, monkeypatch):
+    """Two seeds of NN at one size, KODex and the expert, in one changed physics."""
+    monkeypatch.setattr("bench.experiments.VARIATIONS", ("heavy_hand",))
+    monkeypatch.setattr("bench.experiments.READINGS", {"door": ()})
     return replace(
         get_preset("smoke"),
         methods=("kodex", "nn"),
         seeds=(1, 2),
-        episodes={"success": 7, "ood": 5, "stability": 2},
+        episodes={"success": 7, "ood": 5, "stability": 2, "audit": 4},
+        variants=("described",),
         settings={("nn", "epochs"): 1},
     )
 
@@ -47,7 +50,7 @@ def counted(monkeypatch):
 
         monkeypatch.setattr(jobs, name, noted)
 
-    watch("fit_controllers", lambda specs, demos: {"controllers": len(specs)})
+    watch("fit_controllers", lambda specs, *others: {"controllers": len(specs)})
     watch("fit_methods", lambda fits, *demos: {"fits": len(fits)})
     watch("evaluate", lambda cell, starts, *others: {"evaluations": 1, "episodes": len(starts)})
     monkeypatch.setattr("bench.plan.trained", lambda spec: None)

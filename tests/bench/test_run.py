@@ -146,12 +146,14 @@ def test_an_audit_evaluates_other_masses_and_other_controllers(task, smoke, benc
         *READINGS["door"],
     }
     assert kodex[kodex.controller == "unclipped"].physics.tolist() == ["nominal"]
-    assert set(kodex[kodex.controller == "tuned-on-successes"].physics) == set(VARIATIONS)
+    for kind in ("tuned-on-successes", "fine-tuned"):
+        assert set(kodex[kodex.controller == kind].physics) == set(VARIATIONS)
     keys = frame[frame.controller != "none"].groupby("controller").controller_key.nunique()
     assert dict(keys) == {
         "original": 1,
         "unclipped": 1,
         "tuned-on-successes": 4,
+        "fine-tuned": 4,
     }
     assert bench("report", str(tmp_path))[0] == 0
     tables = tmp_path / "report/tables"

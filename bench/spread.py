@@ -1,0 +1,116 @@
+"""How much the difference of two methods varies over seeds, estimated from stored results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from statistics import median
+from typing import TYPE_CHECKING
+
+from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
+from bench.presets import get_preset
+from bench.selection import chosen_sizes, used_size
+from methods.registry import SUITE, get_method
+from tasks.masses import NOMINAL
+from tasks.registry import APPENDIX
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FEWEST = 3
+"""Common seeds of two methods from which a standard deviation is estimated."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Standard deviations over seeds of the difference of two methods' success rates, in points."""
+
+    deviations: Mapping[str, Sequence[float]]
+    """By task, that of each pair of methods with `FEWEST` or more common seeds; at least one."""
+    methods: tuple[str, ...]
+    """The methods of these pairs."""
+    seeds: tuple[int, int]
+    """The fewest and the most common seeds of a pair."""
+    episodes: int
+    """The fewest episodes of a seed's evaluation."""
+    one_controller: bool
+    """Whether all seeds of some method on a task were evaluated with the same controller. Then the
+    deviations lack what controllers of their own would add."""
+
+    @property
+    def median(self) -> float:
+        """The median over all pairs and tasks."""
+        return median(value for values in self.deviations.values() for value in values)
+
+    @property
+    def by_task(self) -> dict[str, float]:
+        """The median over the pairs of each task."""
+        return {task: median(values) for task, values in self.deviations.items()}
+
+
+def spread_over_seeds(frame: pd.DataFrame, tasks: Sequence[str]) -> Spread | None:
+    """Returns the spread of the suite's methods on some tasks; None with too few common seeds.
+
+    Counted are evaluations from starts of ``test`` in nominal physics, of fits as described to the
+    most demonstrations, at the size that does best on validation starts (else the default size),
+    with the original controller.
+
+    Args:
+        frame: stored evaluations, see `bench.source.Source.frame`.
+        tasks: the tasks to consider.
+    """
+    rows = _compared(frame, tasks)
+    pairs = list(_pairs(rows))
+    if not pairs:
+        return None
+    deviations: dict[str, list[float]] = {}
+    for task, _, gaps in pairs:
+        deviations.setdefault(task, []).append(float(gaps.std(ddof=1)))
+    counts = [len(gaps) for _, _, gaps in pairs]
+    found = {name for _, names, _ in pairs for name in names}
+    tracked = rows[rows.method.isin(found) & (rows.controller_key != "")]
+    numbers = tracked.groupby(["task", "method"])[["seed", "controller_key"]].nunique()
+    return Spread(
+        deviations,
+        tuple(name for name in SUITE if name in found),
+        (min(counts), max(counts)),
+        int(rows[rows.method.isin(found)].episodes.min()),
+        bool(((numbers.seed >= FEWEST) & (numbers.controller_key == 1)).any()),
+    )
+
+
+def _pairs(rows: pd.DataFrame) -> Iterator[tuple[str, tuple[str, str], pd.Series[float]]]:
+    """Yields task, methods and each common seed's difference in points, if there are enough."""
+    rates = rows.assign(rate=100 * rows.successes / rows.episodes)
+    for task, part in rates.groupby("task", sort=False):
+        by_seed = part.pivot(index="seed", columns="method", values="rate")
+        for left, right in combinations(by_seed, 2):
+            gaps = (by_seed[left] - by_seed[right]).dropna()
+            if len(gaps) >= FEWEST:
+                yield str(task), (str(left), str(right)), gaps
+
+
+def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
+    """The evaluations of the suite's methods that are compared, one for each seed."""
+    rows = frame[
+        frame.task.isin(tasks)
+        & frame.method.isin(SUITE)
+        & (frame.split == "test")
+        & (frame.physics == NOMINAL)
+        & (frame.rule == APPENDIX)
+        & (frame.variant == "described")
+        & (frame.settings == "")
+        & (frame.held_out == 0)
+        & frame.controller.isin([ORIGINAL, NO_CONTROLLER])
+    ]
+    paper = get_preset("paper")
+    chosen = chosen_sizes(paper, frame)
+    sizes = {
+        (task, name): used_size(paper, get_method(name), task, chosen)
+        for task in tasks
+        for name in SUITE
+    }
+    used = [sizes[place] for place in zip(rows.task, rows.method, strict=True)]
+    rows = rows[rows["size"] == used]
+    return rows[rows.demos == rows.groupby(["task", "method"]).demos.transform("max")]
