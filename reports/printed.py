@@ -87,18 +87,22 @@ def _(statement: SeedMatters) -> float:
 
 @printed.register
 def _(statement: LargestAboveOne) -> float:
-    table = _table("table_12")
-    return float(table[table.column == statement.task].value.iloc[0])
+    return _values("table_12")["kodex", statement.task]
 
 
 def _success(setting: Setting) -> float:
     """The paper's success of a setting, NaN if its tables do not have it."""
     if setting.physics == "nominal" or setting.variant != "described":
         return np.nan
-    table = _table(TABLES[setting.task])
     row = EXPERT if setting.method == EXPERT else f"{setting.method} {setting.controller}"
-    found = table[(table.row == row) & (table.column == setting.physics)].value
-    return float(found.iloc[0])
+    return _values(TABLES[setting.task])[row, setting.physics]
+
+
+@cache
+def _values(name: str) -> dict[tuple[str, str], float]:
+    """The numbers of a table, by row and column."""
+    table = _table(name)
+    return dict(zip(zip(table.row, table.column, strict=True), table.value, strict=True))
 
 
 @cache
