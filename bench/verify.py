@@ -12,7 +12,7 @@ from bench.backend import Workers
 from bench.controller import ControllerConfig
 from bench.controller_kinds import NO_CONTROLLER
 from bench.driver import run_cells
-from bench.intervals import wilson
+from bench.intervals import mcnemar
 from bench.labels import plain
 from bench.names import CONDITIONS
 from bench.provenance import same_bits, software
@@ -26,8 +26,10 @@ from tasks.errors import InputError
 from tasks.pins import SWITCH, mark, pin
 from tasks.registry import get_task
 
-IDENTICAL, WITHIN, OUTSIDE = "identical", "within the interval", "outside the interval"
+IDENTICAL, ALIKE, APART = "identical", "cannot be told apart", "told apart"
 DIFFERENT = "different bits"
+LEVEL = 0.05
+"""Probability of telling any evaluation apart while all have the same success."""
 
 
 @dataclass(frozen=True)
@@ -43,22 +45,22 @@ class Verdict:
     """Successes of the repeated episodes."""
     differ: int
     """Episodes whose success, divergence or length differs."""
+    p: float
+    """Of McNemar's exact test of success start by start, times the number of evaluations."""
     difference: str = ""
     """The first difference between results that must have the same bits, see `bench.same_bits`."""
 
     @property
     def verdict(self) -> str:
-        """Whether the episodes are identical; if not, whether the rate is in the stored interval.
+        """Whether the episodes are identical; if not, whether their success can be told apart.
 
-        The interval is the 95% Wilson interval of the stored rate. Results that must have the same
-        bits have no such tolerance.
+        Results that must have the same bits have no such tolerance.
         """
         if self.difference:
             return DIFFERENT
         if not self.differ:
             return IDENTICAL
-        low, high = wilson(self.stored, self.episodes)
-        return WITHIN if low <= self.again / self.episodes <= high else OUTSIDE
+        return APART if self.p <= LEVEL else ALIKE
 
 
 def verify(source: Source, count: int, episodes: int, draw: int, where: Workers) -> list[Verdict]:
@@ -98,9 +100,11 @@ def _compare(
         new = new[[*OUTCOMES]]
         old = source.outcomes(row).iloc[: len(new)]
         differ = int(np.any(old.to_numpy() != new.to_numpy(), axis=1).sum())
-        counts = (len(new), int(old.success.sum()), int(new.success.sum()), differ)
+        before, after = (one.success.to_numpy(bool) for one in (old, new))
+        counts = (len(new), int(before.sum()), int(after.sum()), differ)
+        p = min(1.0, len(rows) * mcnemar(before, after))
         difference = _difference(source, again, row, cell)
-        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts, difference))
+        verdicts.append(Verdict(cell.fit.label, cell.evaluation.name, *counts, p, difference))
     return verdicts
 
 

@@ -4,20 +4,20 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from reports.compare import compare
 from reports.exhibits.success import success_by_method
-from reports.pairing import without_expert
+from reports.multiple import LEVEL
+from reports.pairing import keep_common, without_expert
+from reports.pairs import pairs_of
 from reports.results import Results
+from reports.seed_statistics import ONE_SEED
 from reports.style import METHODS, TASKS, display, ordered
-from tasks.errors import InputError
 
-LEVEL = 0.05
 HOW = (
-    "Two methods are told apart on a task if the 95% interval of their difference on the same"
-    f" test starts excludes zero and q, the p-value corrected for all pairs, is below {LEVEL:g};"
-    " bench compare lists all pairs. How far a method is behind is that interval, in points of"
-    " success."
+    "Two methods are told apart on a task if p, paired by seed and start and corrected for all"
+    f" pairs of methods of the task (Holm), is at most {LEVEL:g}; bench compare lists all pairs."
+    " How far a method is behind is the 95% interval of the difference, in points of success."
 )
+FIXED = "The expert of a task is fixed: what another expert would give is outside every interval."
 Pair = tuple[str, str]
 Gaps = dict[Pair, tuple[float, float]]
 """Interval of the difference in points, by better and worse method, for pairs told apart."""
@@ -29,35 +29,27 @@ def answer(results: Results) -> list[str]:
     It names the method with the most success, those that cannot be told apart from it, and how far
     the others are behind it. The expert does not take part.
     """
-    found = without_expert(results.main(split="test"))
-    methods = ordered(found.method, METHODS)
-    pairs, shown = _pairs(results, methods), success_by_method(results, "test")
+    found = without_expert(keep_common(results.main(split="test")))
+    shown = success_by_method(results, "test")
     sentences = []
     for task in ordered(found.task, TASKS):
-        here = ordered(found[found.task == task].method, METHODS)
+        here = found[found.task == task]
         column = shown[shown.column == task].set_index("row").value
-        rates = {method: float(column[method]) for method in here}
-        gaps = _gaps(pairs[pairs.task == task])
-        names = {method: results.display(method) for method in here}
-        sentences.append(f"{display(task)}: {_sentence(rates, gaps, names)}.")
+        rates = {method: float(column[method]) for method in ordered(here.method, METHODS)}
+        pairs = pairs_of(results, here)
+        names = {method: results.display(method) for method in rates}
+        single = f" ({ONE_SEED})" if here.seed.nunique() == 1 else ""
+        said = _sentence(rates, _gaps(pairs), names)
+        sentences.append(f"{display(task)}: {said}{single}.")
     return sentences
-
-
-def _pairs(results: Results, methods: Sequence[str]) -> pd.DataFrame:
-    """Returns the comparisons on test starts. None if no two methods have common starts."""
-    try:
-        table = compare(results, methods)
-    except InputError:
-        return pd.DataFrame(columns=["task"])
-    return table[table.split == "test"]
 
 
 def _gaps(pairs: pd.DataFrame) -> Gaps:
     gaps: Gaps = {}
-    for pair in pairs.itertuples():
-        if pair.q < LEVEL and pair.low > 0:
+    for pair in pairs[pairs.p_holm <= LEVEL].itertuples():
+        if pair.difference > 0:
             gaps[pair.left, pair.right] = (pair.low, pair.high)
-        elif pair.q < LEVEL and pair.high < 0:
+        else:
             gaps[pair.right, pair.left] = (-pair.high, -pair.low)
     return gaps
 

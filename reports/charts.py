@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from reports.seed_statistics import ONE_SEED
 from reports.style import INK, colour, display, hatch, marker
 from tasks.data import FloatArray
 
@@ -137,6 +139,18 @@ def errors_of(table: pd.DataFrame) -> FloatArray | None:
     return np.maximum([table.value - table.low, table.high - table.value], 0)
 
 
+def dot_single_fits(drawn: ErrorbarContainer | None, table: pd.DataFrame) -> None:
+    """Dots the intervals that speak of a single fit, unlike those over seeds.
+
+    Args:
+        drawn: the intervals, one for each row of the table. None without intervals.
+        table: whose column ``basis`` says what they speak of.
+    """
+    if drawn is not None and "basis" in table:
+        for lines in drawn.lines[2]:
+            lines.set_linestyle([":" if basis == ONE_SEED else "-" for basis in table.basis])
+
+
 def _grouped(
     table: pd.DataFrame, exhibit: "Exhibit", add: Callable[[Axes, pd.DataFrame, "Exhibit"], None]
 ) -> Figure:
@@ -159,7 +173,7 @@ def _add_bars(
     columns = table.column.drop_duplicates().tolist() if columns is None else columns
     width = min(0.8 / len(rows), 0.3)
     for row, x, part in _by_row(table, rows, columns, width):
-        axes.bar(
+        drawn = axes.bar(
             x,
             part.value,
             0.92 * width,
@@ -171,6 +185,7 @@ def _add_bars(
             edgecolor="white",
             error_kw={"lw": 0.9, "ecolor": INK},
         )
+        dot_single_fits(drawn.errorbar, part)
         _add_published(axes, x, part)
     _name_columns(axes, columns, exhibit)
     if exhibit.unit == "%":

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -65,6 +66,7 @@ def report(
     Exit code 3 if a table or figure cannot be made.
     """
     from bench.source import episodes_table
+    from reports.answer import FIXED
     from reports.write import write_report
 
     source = _one_of(folder, reference)
@@ -82,22 +84,22 @@ def report(
     _print_notes(results)
     _print_tables(made.written, tables)
     tables_written = count_of(len(made.written), "table")
-    print("\n".join([*made.answer, "", f"wrote {tables_written} to {place.absolute()}"]))
+    print("\n".join([*made.answer, FIXED, "", f"wrote {tables_written} to {place.absolute()}"]))
     print(f"page: {made.page.absolute()}")
     if made.failed:
         raise typer.Exit(SOME_FAILED)
 
 
 def _print_tables(paths: Sequence[Path], all_of_them: bool) -> None:
-    """Prints all tables with captions, or that of success without one."""
+    """Prints all tables, or that of success alone."""
     from reports.page import SUCCESS
 
     for path in paths:
         if all_of_them:
             print(path.read_text())
         elif path.stem == SUCCESS:
-            title_and_rows, _ = path.read_text().rsplit("\n\n", 1)
-            print(title_and_rows + "\n")
+            title_and_rows, caption = path.read_text().rsplit("\n\n", 1)
+            print(f"{title_and_rows}\n\n{fill(caption, 88)}\n")
 
 
 def pack(
@@ -134,9 +136,13 @@ def compare(
     mixed: Mixed = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare methods on the same starts: difference, 95% interval, p, and corrected p (q)."""
+    """Compare methods seed by seed, on the same starts.
+
+    Shows for each pair the difference, its 95% interval, p, p after Holm's correction, and
+    the smallest difference that the seeds could have shown.
+    """
+    from reports.compare import as_text, compared_rows
     from reports.compare import compare as compare_methods
-    from reports.compare import compared_rows
 
     chosen = names("--methods", methods)
     results = _open(_one_of(folder, reference), with_reference, mixed)
@@ -147,9 +153,7 @@ def compare(
     if as_json:
         print(table.to_json(orient="records"))
     else:
-        marked = {name: name + suffix for name, suffix in results.suffixes.items()}
-        shown = table.replace({"left": marked, "right": marked})
-        print(shown.to_markdown(index=False, floatfmt=".3g"))
+        print(as_text(table, results.suffixes))
     _print_notes(results, as_json)
 
 
@@ -185,13 +189,13 @@ def verify(
 ) -> None:
     """Repeat some stored fits and evaluations, and compare them with the stored results.
 
-    Exit code 3 if one differs too much: its success is outside the 95% interval
-    of the stored one, or any bit differs although kernels were pinned and versions are the same.
+    Exit code 3 if one differs too much: its success can be told from the stored one start
+    by start, or any bit differs although kernels were pinned and versions are the same.
     """
     from bench.backend import Workers
     from bench.cores import count_jobs
     from bench.packed import open_results
-    from bench.verify import DIFFERENT, OUTSIDE
+    from bench.verify import APART, DIFFERENT
     from bench.verify import verify as verify_results
 
     source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
@@ -206,7 +210,7 @@ def verify(
                 f" {one.again} again, {count_of(one.differ, 'differing episode')}"
                 f"{one.difference and f'; {one.difference}'}"
             )
-    if any(one.verdict in (OUTSIDE, DIFFERENT) for one in found):
+    if any(one.verdict in (APART, DIFFERENT) for one in found):
         raise typer.Exit(SOME_FAILED)
 
 

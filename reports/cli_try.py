@@ -112,7 +112,6 @@ def _table(trial: "Trial", others: "pd.DataFrame") -> str:
     shipped = {
         "": others.method.map(display),
         "success [%]": list(map(_rate, rows)),
-        "seeds": others.seeds.astype(str),
         f"{name} minus it": list(map(_difference, rows)),
     }
     return _indented(pd.concat([table, pd.DataFrame(shipped)]).fillna(""))
@@ -140,8 +139,12 @@ def _remark(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> s
         return f"No results of other methods on {trial.cell.fit.task} are shipped."
     fewest = others.n.min()
     few = f", on the first {count_of(fewest, 'start')}" if fewest < len(trial.success) else ""
+    from reports.seed_statistics import ONE_SEED
+
     alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
-    remark = f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals."
+    remark = (
+        f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals of {ONE_SEED}."
+    )
     if trial.cell.controller:
         return remark
     return f"{remark}\n{trial.cell.fit.method} sees every state, the others only the first one."

@@ -4,7 +4,7 @@ Writes FOLDER/tables/NAME.md for docs/refresh.py, which puts them into docs/stat
 """
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,7 @@ from bench.power import detectable_difference, seeds_needed
 from reports.components import components
 from reports.multiple import verdict
 from reports.seed_statistics import Estimate, Rate, difference, rate
-from reports.simulated import BY_NAME, SCENARIOS, Scenario, crossed, repeated
-from reports.stats import bootstrap, paired_difference
+from reports.simulated import SCENARIOS, Scenario, repeated
 from reports.style import display
 from reports.tried_intervals import bootstrap_t, logit_alone, paired_t, welch
 from tasks.data import BoolArray, generator
@@ -25,8 +24,6 @@ from tasks.data import BoolArray, generator
 SEEDS = (3, 5, 10)
 STARTS = (1000, 200)
 STUDIES = 2000
-BOOTSTRAPPED = 300
-"""Studies of the older bootstrap, which takes longer."""
 CLAIMED = 300
 """Studies of the claim."""
 CONDITIONS = 32
@@ -65,26 +62,6 @@ def _level_contrasts(seeds: int, starts: int, rng: np.random.Generator) -> list[
         first, *others = repeated(level, seeds, starts, rng)
         found += [difference(first, other) for other in others]
     return found
-
-
-def bootstrap_errors(scenario: Scenario, starts: int, studies: int) -> tuple[float, float, float]:
-    """Returns what the percentile bootstrap of five seeds crossed with shared starts does.
-
-    Returns:
-        The shares of studies in which it excludes the true difference of the one controller of the
-        study, and that over all controllers, and in which it covers the true rate over all.
-    """
-    rng = generator("older bootstrap", scenario.name, starts)
-    over_all = scenario.rates[0] - scenario.rates[1]
-    given, general, rates = [], [], []
-    for study in range(studies):
-        (left, right), true = crossed(scenario, 5, starts, rng)
-        found = paired_difference(left, right, study)
-        given.append(not found.low <= true[0] - true[1] <= found.high)
-        general.append(not found.low <= over_all <= found.high)
-        low, high = bootstrap(left, study)
-        rates.append(low <= scenario.rates[0] <= high)
-    return _share(given), _share(general), _share(rates)
 
 
 def _drawn(scenario: Scenario, seeds: int, starts: int, studies: int) -> Iterator[BoolArray]:
@@ -131,20 +108,6 @@ def _tried(scenario: Scenario, seeds: int, starts: int, studies: int) -> list[fl
     return [*others, covered_differences(scenario, seeds, starts, studies)]
 
 
-def bootstrap_table() -> pd.DataFrame:
-    """Returns a row for some scenarios: what `bootstrap_errors` finds with 1,000 and 200 starts."""
-    wide = "85 and 85, one varies by 16"
-    chosen = [BY_NAME[name] for name in ("40 and 40", "85 and 85", wide, "95 and 95", "98 and 98")]
-    found = Parallel(n_jobs=-1)(
-        delayed(bootstrap_errors)(scenario, starts, BOOTSTRAPPED)
-        for scenario in chosen
-        for starts in STARTS
-    )
-    names = ("one controller", "all controllers", "rate")
-    columns = [f"{name}, {starts}" for starts in STARTS for name in names]
-    return _named(found, columns, chosen)
-
-
 def claim_table() -> pd.DataFrame:
     """Returns how often the claim is contradicted, by seeds and starts."""
     found = Parallel(n_jobs=-1)(
@@ -184,13 +147,11 @@ def detectable_table() -> pd.DataFrame:
     )
 
 
-def _named(
-    shares: object, columns: list[str], scenarios: Sequence[Scenario] = SCENARIOS
-) -> pd.DataFrame:
+def _named(shares: object, columns: list[str]) -> pd.DataFrame:
     """Shares in per cent, a row for each scenario."""
-    values = 100 * np.reshape(np.asarray(shares), (len(scenarios), -1))
+    values = 100 * np.reshape(np.asarray(shares), (len(SCENARIOS), -1))
     percent = pd.DataFrame(values, columns=columns).map("{:.1f}".format)
-    percent.insert(0, "true rates [%]", [scenario.name for scenario in scenarios])
+    percent.insert(0, "true rates [%]", [scenario.name for scenario in SCENARIOS])
     return percent
 
 
@@ -202,7 +163,6 @@ def main(folder: Path) -> None:
         "coverage_differences": lambda: coverage_table(covered_differences),
         "coverage_rates": lambda: coverage_table(covered_rates),
         "coverage_tried": tried_table,
-        "coverage_bootstrap": bootstrap_table,
         "coverage_claim": claim_table,
     }
     place = folder / "tables"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -11,13 +11,11 @@ from matplotlib.figure import Figure
 from reports.charts import bars
 from reports.remarks import Remark
 from reports.results import Results
+from reports.seed_statistics import ALIKE, ONE_SEED, OVER_SEEDS
 from reports.style import display
 
-COVERAGE = {2: "51 to 96", 3: "70 to 97", 4: "78 to 98", 5: "81 to 98"}
-"""How many of 100 bootstrap intervals hold the mean, by number of seeds. Simulated: 500 studies of
-each kind, with a standard deviation of 4 to 16 points between seeds and 200 or 1,000 starts, whose
-difficulty is shared by all seeds or differs between them."""
-UNCOVERED = "They do not cover the variation between controllers."
+MARK = "†"
+"""Follows the interval of a single seed."""
 Part = Literal["success", "robustness", "data and time", "KODex inside", "audit"]
 PARTS: tuple[Part, ...] = get_args(Part)
 """The headings of the page, in its order."""
@@ -72,13 +70,7 @@ class Exhibit:
 
     def caption(self, table: pd.DataFrame) -> str:
         """Returns what a reader must know of the values."""
-        sentences = [self.about]
-        if "n" in table and table.n.notna().any():
-            sentences.append(f"n = {span(table.n)} episodes of each fit.")
-        if "seeds" in table and table.seeds.notna().any():
-            sentences.append(f"Seeds: {span(table.seeds)}.")
-            if "low" in table:
-                sentences.append(_about_intervals(int(table.seeds.max())))
+        sentences = [self.about, *self.footnotes(table)]
         if "diverged" in table and table.diverged.sum():
             sentences.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
         if "published" in table and table.published.notna().any():
@@ -88,6 +80,26 @@ class Exhibit:
         sentences += [remark.text for remark in self.remarks if remark.concerns(shown)]
         return " ".join(sentences)
 
+    def footnotes(self, table: pd.DataFrame) -> list[str]:
+        """Returns what a reader must know of seeds, intervals and letters."""
+        notes = [_about_seeds(table)] if "seeds" in table and table.seeds.notna().any() else []
+        lettered = "letters" in table and table.letters.any()
+        if "basis" in table:
+            about = _BASES | {ONE_SEED: footnote_on_single_fits("letters" if lettered else "")}
+            notes += [note for basis, note in about.items() if (table.basis == basis).any()]
+        return [*notes, LETTERS, self._smallest_shown(table)] if lettered else notes
+
+    def _smallest_shown(self, table: pd.DataFrame) -> str:
+        """Says what differences the seeds could have shown, by column."""
+        known = table.dropna(subset="detectable").drop_duplicates("column")
+        if known.empty:
+            return "The seeds do not show how much they vary, so nor what they could have shown."
+        points = [f"{self.display(row.column)} {row.detectable:.1f}" for row in known.itertuples()]
+        return (
+            "Smallest true difference that these seeds find in 80% of studies, of two methods that"
+            f" vary as these do, without correction [points]: {', '.join(points)}."
+        )
+
     def summarised(self, table: pd.DataFrame) -> pd.DataFrame:
         """Returns the rows that people read."""
         return self.summary(table) if self.summary else table
@@ -95,7 +107,7 @@ class Exhibit:
     def wide(self, table: pd.DataFrame) -> pd.DataFrame:
         """Returns the table as readers see it: one line for each row, one text for each cell."""
         table = self.summarised(table)
-        texts = table.assign(text=[self._text(row) for row in table.to_dict("records")])
+        texts = table.assign(text=[self.text(row) for row in table.to_dict("records")])
         order = {name: texts[name].drop_duplicates().tolist() for name in ("row", "column")}
         wide = texts.pivot(index="row", columns="column", values="text")
         wide = wide.reindex(index=order["row"], columns=order["column"]).fillna("-")
@@ -103,7 +115,9 @@ class Exhibit:
         wide.columns = pd.Index([self.display(name) for name in wide.columns])
         return wide.reset_index()
 
-    def _text(self, row: dict[str, float]) -> str:
+    def text(self, row: dict[str, Any]) -> str:
+        """Returns a row of the table as the text of a cell."""
+
         def number(value: float) -> str:
             return f"{value:g}" if self.digits is None else f"{value:.{self.digits}f}"
 
@@ -111,7 +125,10 @@ class Exhibit:
         if np.isfinite(row.get("spread", np.nan)):
             text += f" ± {number(row['spread'])}"
         if np.isfinite(row.get("low", np.nan)):
-            text += f" [{number(row['low'])}, {number(row['high'])}]"
+            mark = MARK if row.get("basis") == ONE_SEED else ""
+            text += f" [{number(row['low'])}, {number(row['high'])}]{mark}"
+        if letters := row.get("letters"):
+            text += f" {letters}"
         if np.isfinite(row.get("published", np.nan)):
             spread = row.get("published spread", np.nan)
             more = f" ± {number(spread)}" if np.isfinite(spread) else ""
@@ -119,16 +136,33 @@ class Exhibit:
         return text
 
 
-def _about_intervals(seeds: int) -> str:
-    """Says what the intervals of at most so many seeds are."""
-    if seeds == 1:
-        return f"Intervals are 95%, Wilson's. {UNCOVERED}"
-    known = min(COVERAGE, key=lambda count: abs(count - seeds))
-    return (
-        "Intervals are 95%: Wilson's for a single fit, else the percentile bootstrap over seeds and"
-        f" starts, which at {known} seeds covers the truth in {COVERAGE[known]} of 100 simulated"
-        f" studies. {UNCOVERED}"
-    )
+def footnote_on_single_fits(other: str = "") -> str:
+    """Returns the footnote of marked intervals, and of something other that speaks of one seed."""
+    what = f"the interval and the {other} speak" if other else "the interval speaks"
+    return f"{MARK} One seed: {what} of {ONE_SEED}; dotted in figures."
+
+
+def _about_seeds(table: pd.DataFrame) -> str:
+    """Says how many seeds and starts the values are of."""
+    seeds = span(table.seeds.dropna())
+    if "n" not in table or table.n.isna().all():
+        return f"Seeds: {seeds}."
+    starts = span(table.n.dropna())
+    if seeds == "1":
+        return f"1 seed with {starts} start{'s' if starts != '1' else ''}."
+    return f"{seeds} seeds, each with {starts} starts of its own."
+
+
+LETTERS = (
+    "Methods of a column that share a letter cannot be told apart: p is above 0.05 after Holm's"
+    " correction for all its pairs of methods."
+)
+_BASES = {
+    OVER_SEEDS: "Brackets: 95% intervals over seeds (Student's t), and so over demonstrations,"
+    " controllers, random numbers and starts, but not over experts.",
+    ALIKE: "Where all episodes of all seeds end alike, Wilson's interval of all episodes.",
+}
+"""What intervals speak of, by basis."""
 
 
 def span(values: pd.Series) -> str:

@@ -12,9 +12,11 @@ import pandas as pd
 from bench.labels import EXPERT
 from bench.packed import is_packed
 from reports.exhibit import Exhibit, span
-from reports.pairing import without_expert
+from reports.pairing import keep_common, without_expert
 from reports.results import Results
+from reports.seed_statistics import ONE_SEED
 from reports.style import METHODS, TASKS, display, ordered
+from tasks.data import FloatArray
 
 STEP = 10
 """Points of success. The strips of a task begin and end at multiples of it."""
@@ -27,14 +29,14 @@ def study_facts(results: Results) -> dict[str, str]:
     methods = sorted(ordered(frame.method, METHODS), key=EXPERT.__eq__)  # the expert comes last
     days = results.finished
     seeds = found.groupby(["task", "method", "variant", "size", "demos"]).seed.nunique()
-    alone = " (another training run may give another answer)" if seeds.max() == 1 else ""
+    alone = f" ({ONE_SEED})" if seeds.max() == 1 else ""
     return {
         "study": results.name,
         "run": " to ".join(dict.fromkeys([days[0], days[-1]])) if days else "unknown",
         "methods": ", ".join(map(results.display, methods)),
         "tasks": ", ".join(map(display, ordered(frame.task, TASKS))),
         "seeds of a method": span(seeds) + alone,
-        "starts": span(found.episodes),
+        "starts of a seed": span(found.episodes),
     }
 
 
@@ -43,13 +45,15 @@ class Strip:
     """The success of a method's seeds on a task, drawn on a line from 0 to 100."""
 
     text: str
-    """Mean and interval [%]."""
+    """Mean, interval and letters [%]."""
     shares: str
     """Success of each seed, as text."""
     dots: list[float]
     """Place of each seed. `low` and `high` are the places of the interval's ends."""
     low: float
     high: float
+    single: bool
+    """Whether the interval speaks of a single fit."""
 
 
 def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str, Any]:
@@ -63,12 +67,9 @@ def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str,
     Returns:
         ``columns``: the ``name`` of each task and the ``ends`` of its lines [%]. ``rows``: the
         ``name`` of each method, its ``cells``, a `Strip` or None, and whether it is the user's
-        ``own``.
+        ``own``. ``footnotes``: what a reader must know of them.
     """
-    shares = {
-        (row, task): _shares(results, row, task)
-        for row, task in table[["row", "column"]].itertuples(index=False)
-    }
+    shares = _shares(results)
     ends = {}
     for task, part in table.groupby("column", sort=False):
         known = np.concatenate([shares[row, task] for row in part.row])
@@ -76,8 +77,10 @@ def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str,
         high = STEP * ceil(max(known.max(), part.high.max()) / STEP)
         ends[task] = low, max(high, low + STEP)
     cells = {
-        (one.row, one.column): _strip(one, shares[one.row, one.column], *ends[one.column])
-        for one in table.itertuples()
+        (one["row"], one["column"]): _strip(
+            exhibit, one, shares[one["row"], one["column"]], *ends[one["column"]]
+        )
+        for one in table.to_dict("records")
     }
     return {
         "columns": [{"name": display(str(task)), "ends": ends[task]} for task in ends],
@@ -89,6 +92,7 @@ def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str,
             }
             for row in table.row.drop_duplicates()
         ],
+        "footnotes": exhibit.footnotes(table),
     }
 
 
@@ -100,9 +104,9 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
         films: anchors of films on the page, by stem of their files.
 
     Returns:
-        For each task and method: ``task``, ``method``, whether it is the user's ``own``, ``start``
-        (None if it always succeeds), the ``film`` of that start or None, and the ``command`` that
-        films it.
+        For each task and method: ``task``, ``method``, whether it is the user's ``own``, ``seed``,
+        its ``start`` (None if it always succeeds), the ``film`` of that start or None, and the
+        ``command`` that films it.
     """
     found = without_expert(results.main(split="test")).sort_values("seed", kind="stable")
     found = found.drop_duplicates(["task", "method"])
@@ -120,6 +124,7 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
                     "task": display(task),
                     "method": results.display(method),
                     "own": method in results.own,
+                    "seed": seed,
                     "start": start,
                     "film": films.get(f"{task}-s{seed}-start-{start}"),
                     "command": f"bench video {task} --results {place}"
@@ -129,20 +134,26 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
     return rows
 
 
-def _shares(results: Results, method: str, task: str) -> np.ndarray:
-    """Returns the success of each seed [%] (S,)."""
-    success = results.success(method=method, task=task, split="test")
-    return np.empty(0) if success is None else 100 * success.mean(axis=1)
+def _shares(results: Results) -> dict[tuple[str, str], FloatArray]:
+    """Returns the success of each seed [%] (R,) by method and task, as in the table of success."""
+    found = keep_common(results.main(split="test"))
+    return {
+        (method, task): 100 * results.paired(mine, ["method"])[method,].mean(axis=1)
+        for (method, task), mine in found.groupby(["method", "task"])
+    }
 
 
-def _strip(row: Any, shares: np.ndarray, low: float, high: float) -> Strip:
+def _strip(
+    exhibit: Exhibit, row: dict[str, Any], shares: FloatArray, low: float, high: float
+) -> Strip:
     def place(value: float) -> float:
         return round(100 * (value - low) / (high - low), 2)
 
     return Strip(
-        text=f"{row.value:.1f} [{row.low:.1f}, {row.high:.1f}]",
+        text=exhibit.text(row | {"spread": np.nan}),
         shares=", ".join(f"{share:.1f}%" for share in shares),
         dots=[place(share) for share in shares],
-        low=place(row.low),
-        high=place(row.high),
+        low=place(row["low"]),
+        high=place(row["high"]),
+        single=row["basis"] == ONE_SEED,
     )

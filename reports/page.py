@@ -11,7 +11,7 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from reports.answer import HOW
+from reports.answer import FIXED, HOW
 from reports.claim import SIMILAR
 from reports.exhibit import PARTS, Exhibit
 from reports.opening import first_failures, strips, study_facts
@@ -70,6 +70,7 @@ def render(
         notes=results.notes,
         study=study_facts(results),
         answer=answer,
+        fixed=FIXED,
         how=HOW,
         success=first and strips(results, first, tables[SUCCESS]),
         claims=[_claim(claim) for claim in claims.to_dict("records")],

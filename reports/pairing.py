@@ -1,13 +1,17 @@
-"""Which evaluations are compared: those of methods, on common seeds and starts."""
+"""Which evaluations are compared: those of common seeds, from the common first starts of each.
 
-from collections.abc import Iterable
+A seed has starts of its own: start i of one seed is another start than start i of the next. So two
+methods are paired within each seed, and nothing is paired across seeds.
+"""
+
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
 from bench.labels import EXPERT
 
 FEWEST = 2
-"""The fewest common seeds to which fits of several seeds are cut."""
+"""The fewest common seeds to which groups with several seeds are cut."""
 
 
 def without_expert(evaluations: pd.DataFrame) -> pd.DataFrame:
@@ -21,26 +25,47 @@ def demos_of_expert(evaluations: pd.DataFrame) -> dict[str, str]:
     return dict(zip(experts.task, experts.demos_key, strict=True))
 
 
-def keep_common(evaluations: pd.DataFrame, by: str = "method") -> pd.DataFrame:
-    """Returns evaluations cut, within each task, to common seeds and common starts.
+def keep_common(
+    evaluations: pd.DataFrame, by: Sequence[str] = ("method",), within: Sequence[str] = ("task",)
+) -> pd.DataFrame:
+    """Returns evaluations cut, within each task, to common seeds and common starts, see `common`.
 
-    Common starts are the first ``episodes`` of the split. Groups that share fewer than two seeds
-    keep all of theirs, see `reports.protocol.differences`. Methods without seeds have seed 0, which
-    is always kept.
+    Groups that share fewer than two seeds keep all of theirs: those are shown, not compared, see
+    `reports.protocol.differences`.
 
     Args:
         evaluations: as `bench.source.Source.frame` returns them, of one split.
-        by: column whose groups must have the same seeds.
+        by: columns whose groups must have the same seeds.
+        within: columns within whose groups seeds and starts are common. Empty: within all.
     """
+    if evaluations.empty:
+        return evaluations
     found = evaluations.reset_index(drop=True)
-    for _, part in found.groupby("task"):
-        seeds = common_seeds(set(group.seed) for _, group in part.groupby(by))
-        if len(seeds) >= FEWEST:
-            found = found.drop(part.index[~part.seed.isin(seeds | {0})])
-    return found.assign(episodes=found.groupby("task").episodes.transform("min"))
+    places = [part for _, part in found.groupby(list(within))] if within else [found]
+    return pd.concat([_cut(part, by) for part in places]).sort_index()
+
+
+def _cut(part: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    shared = common(part, by)
+    enough = shared.seed.nunique() >= FEWEST
+    return shared if enough else part.assign(episodes=part.episodes.min())
+
+
+def common(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Returns the evaluations of the seeds that all groups share; none if they share none.
+
+    ``episodes`` is the number of common starts: the first of each seed that all evaluations have.
+
+    Args:
+        evaluations: as `bench.source.Source.frame` returns them.
+        by: columns whose groups must have the same seeds.
+    """
+    seeds = common_seeds(set(group.seed) for _, group in evaluations.groupby(list(by)))
+    found = evaluations[evaluations.seed.isin(seeds)]
+    return found.assign(episodes=found.episodes.min())
 
 
 def common_seeds(groups: Iterable[set[int]]) -> set[int]:
-    """Returns the seeds that all groups share. Groups with seed 0 alone do not count."""
-    seeds = [group - {0} for group in groups if group - {0}]
+    """Returns the seeds that all groups share."""
+    seeds = list(groups)
     return set.intersection(*seeds) if seeds else set()

@@ -2,8 +2,8 @@
 
 Exhibits and `bench compare` show rows of several methods beside each other. On each task, these
 must have learnt from the same demonstrations, with controllers that were trained alike, and for the
-same share of their own epochs. Methods with seeds must have the same seeds, or several in common.
-Starts need not agree: exhibits use common ones, see `reports.pairing`.
+same share of their own epochs. Methods must have the same seeds, or several in common. The number
+of starts need not agree: exhibits use common ones, see `reports.pairing`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -114,7 +114,7 @@ def _shares(learnt: pd.DataFrame) -> Iterator[SettingValue]:
 
 def _seeds(learnt: pd.DataFrame) -> Iterator[SettingValue]:
     """Yields the seeds of methods on tasks where too few are common."""
-    for task, part in learnt[learnt.seed > 0].groupby("task", sort=False):
+    for task, part in learnt.groupby("task", sort=False):
         groups = {method: set(seeds) for method, seeds in part.groupby("method").seed}
         if len(common_seeds(groups.values())) < FEWEST:
             for method, seeds in groups.items():

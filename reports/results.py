@@ -9,26 +9,29 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.controller_kinds import AUDITED
+from bench.controller_kinds import NO_CONTROLLER, ORIGINAL, TUNED
 from bench.labels import EXPERT, labelled
+from bench.names import CONDITIONS
 from bench.packed import SHIPPED, open_results
 from bench.selection import best_size
 from bench.source import Source
 from methods.base import Parameters
 from reports.mixed import MARK, MixedProtocols
-from reports.pairing import keep_common
+from reports.pairing import common, keep_common
 from reports.protocol import differences
 from reports.reference import WithShippedMethods
 from reports.remarks import OWN, Remark, remarks_on_the_expert
-from reports.stats import rate_interval
+from reports.seed_statistics import rate
 from reports.style import METHODS, TASKS, display, ordered
 from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 from tasks.registry import APPENDIX
 
 SIZES = ("small", "median", "large")
-RESEEDED = "original-[2-5]"
-"""Controllers of the shipped results that differ in random numbers alone."""
+COMPARED = (NO_CONTROLLER, ORIGINAL, TUNED)
+"""Controllers of every experiment but `audit`."""
+RATE = ("value", "spread", "low", "high", "basis", "seeds", "n")
+"""Columns of a success rate in tables."""
 SPLITS = ("test", "ood")
 """The splits on which methods are compared: in and out of distribution."""
 
@@ -191,76 +194,84 @@ class Results:
         return self.source.readings(row)
 
     def success(self, **values: object) -> BoolArray | None:
-        """Returns success (S, N) of each seed's fit from each start, for rows of `main`.
+        """Returns success (R, N) of each seed from each of its own starts, for rows of `main`.
 
-        The starts are those that all seeds have met. None if there are no such rows.
+        The starts are the first ones of a seed, as many as all seeds have. None without rows.
         """
-        place = tuple(sorted(values.items()))
-        if place not in self._success:
-            self._success[place] = self.paired_success([values])[0]
-        return self._success[place]
-
-    @cached_property
-    def _success(self) -> dict[tuple[tuple[str, object], ...], BoolArray | None]:
-        """Cache of `success`, by its arguments."""
-        return {}
+        return self.paired_success([values])[0]
 
     def paired_success(self, selections: Sequence[Mapping[str, object]]) -> list[BoolArray | None]:
-        """Returns `success` of several selections of a task, on common seeds and starts.
+        """Returns `success` of several selections on common seeds, from the same starts of each.
 
-        See `reports.pairing.keep_common`.
+        None for a selection without rows, and for all if the others share no seed.
         """
         parts = [self.main(**values).assign(place=i) for i, values in enumerate(selections)]
-        found = keep_common(pd.concat(parts), "place")
-        chosen = (found[found.place == i].sort_values("seed") for i in range(len(parts)))
-        return [_stacked(self._episodes(one)) if len(one) else None for one in chosen]
+        found = self.paired(pd.concat(parts), ["place"])
+        return [found.get((i,)) for i in range(len(parts))]
+
+    def paired(
+        self, evaluations: pd.DataFrame, by: Sequence[str]
+    ) -> dict[tuple[Any, ...], BoolArray]:
+        """Returns success (R, N) of each group of evaluations, on common seeds and starts.
+
+        Row r of all arrays is the same seed, and column i the same start of that seed. Empty if the
+        groups share no seed.
+
+        Args:
+            evaluations: rows of the frame, of one split; a group has one for each seed.
+            by: columns that tell the groups apart.
+        """
+        groups = common(evaluations, by).groupby(list(by), sort=False)
+        return {names: self._episodes(group)[0] for names, group in groups}
 
     def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-        """Returns success [%] over the seeds of each group of evaluations.
+        """Returns success [%] of each group of evaluations, see `reports.seed_statistics.rate`.
 
         Only common seeds and starts of a task count, see `reports.pairing.keep_common`.
 
-        Columns: those of `by`, ``value`` the mean, ``spread`` the population standard deviation
-        over seeds, ``low`` and ``high`` the 95% interval, ``seeds``, ``n`` episodes of each seed,
-        ``diverged`` episodes of all seeds.
+        Columns: those of `by`, ``value`` the mean over seeds, ``spread`` their population standard
+        deviation, ``low`` and ``high`` the 95% interval, ``basis`` what it speaks of, ``seeds``,
+        ``n`` starts of each seed, ``diverged`` episodes of all seeds.
         """
+        groups = [name for name in by if name != "task"]
         rows = []
-        for names, group in keep_common(evaluations).groupby(list(by), sort=False):
-            episodes = self._episodes(group)
-            success = _stacked(episodes)
-            share = 100 * success.mean(axis=1)
-            low, high = rate_interval(success, names)
-            rows.append(
-                dict(zip(by, names, strict=True))
-                | {
-                    "value": share.mean(),
-                    "spread": share.std() if len(share) > 1 else np.nan,
-                    "low": 100 * low,
-                    "high": 100 * high,
-                    "seeds": len(share),
-                    "n": success.shape[1],
-                    "diverged": sum(int(one.diverged.sum()) for one in episodes),
-                }
-            )
-        columns = [*by, "value", "spread", "low", "high", "seeds", "n", "diverged"]
-        return pd.DataFrame(rows, columns=columns)
+        for names, group in keep_common(evaluations, groups).groupby(list(by), sort=False):
+            success, diverged = self._episodes(group)
+            labels = dict(zip(by, names, strict=True))
+            rows.append(labels | rate_facts(success) | {"diverged": int(diverged.sum())})
+        return pd.DataFrame(rows, columns=[*by, *RATE, "diverged"])
 
-    def _episodes(self, evaluations: pd.DataFrame) -> list[pd.DataFrame]:
-        """Returns the first ``episodes`` episodes of each evaluation."""
-        rows = evaluations.to_dict("records")
-        return [self.outcomes(row).iloc[: row["episodes"]] for row in rows]
+    def _episodes(self, evaluations: pd.DataFrame) -> tuple[BoolArray, BoolArray]:
+        """Returns success and divergence (R, N) of the first ``episodes`` of each seed."""
+        rows = evaluations.sort_values("seed").to_dict("records")
+        found = [[part[: row["episodes"]] for part in self._stored(row)] for row in rows]
+        success, diverged = (np.stack(parts) for parts in zip(*found, strict=True))
+        return success, diverged
+
+    def _stored(self, row: Mapping[Any, Any]) -> tuple[BoolArray, BoolArray]:
+        """Returns success and divergence (N,) of a row of the frame, read once."""
+        place = tuple(row[name] for name in ("folder", *CONDITIONS))
+        if place not in self._read:
+            found = self.outcomes(dict(row))
+            self._read[place] = found.success.to_numpy(bool), found.diverged.to_numpy(bool)
+        return self._read[place]
+
+    @cached_property
+    def _read(self) -> dict[tuple[str, ...], tuple[BoolArray, BoolArray]]:
+        """Cache of `_stored`, by folder and conditions."""
+        return {}
 
     def select(self, **values: object) -> pd.DataFrame:
         """Returns the evaluations with these values.
 
-        Defaults: methods as described, nominal physics, success by appendix C, and no controllers
-        that only `audit` uses.
+        Defaults: methods as described, nominal physics, success by appendix C, and the
+        controllers `COMPARED`.
         """
         wanted = {"variant": "described", "physics": "nominal", "rule": APPENDIX} | values
         frame = self.frame
         keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
         if "controller" not in values:
-            keep &= ~(frame.controller.isin(AUDITED) | frame.controller.str.fullmatch(RESEEDED))
+            keep &= frame.controller.isin(COMPARED)
         return frame[keep]
 
     def main(self, **values: object) -> pd.DataFrame:
@@ -296,5 +307,9 @@ class Results:
         return {}
 
 
-def _stacked(episodes: Sequence[pd.DataFrame]) -> BoolArray:
-    return np.stack([one.success.to_numpy(bool) for one in episodes])
+def rate_facts(outcomes: BoolArray) -> dict[str, Any]:
+    """Returns the columns `RATE` of a table of success [%], given success (R, N)."""
+    found, shares = rate(outcomes), 100 * outcomes.mean(axis=1)
+    spread = float(shares.std()) if found.seeds > 1 else np.nan
+    ends = (100 * found.value, spread, 100 * found.low, 100 * found.high)
+    return dict(zip(RATE, (*ends, found.basis, found.seeds, outcomes.shape[1]), strict=True))

@@ -19,8 +19,7 @@ from scipy.optimize import brentq
 from scipy.special import expit, logit, ndtr, ndtri, stdtr, stdtrit
 from scipy.stats import page_trend_test, spearmanr
 
-from bench.intervals import CONFIDENCE, wilson
-from reports.stats import mcnemar
+from bench.intervals import CONFIDENCE, mcnemar, wilson
 from tasks.data import FloatArray, IntArray, real
 from tasks.errors import InputError
 

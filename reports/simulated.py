@@ -67,23 +67,8 @@ def repeated(scenario: Scenario, seeds: int, starts: int, rng: np.random.Generat
     return _episodes(skill + over_seeds * own[1], rng.standard_normal((seeds, starts)), rng)
 
 
-def crossed(
-    scenario: Scenario, seeds: int, starts: int, rng: np.random.Generator
-) -> tuple[BoolArray, FloatArray]:
-    """Returns success (M, R, N) where all seeds share one controller and all starts.
-
-    The second array holds the true rates (M,) with that controller.
-    """
-    mean, over_controllers, over_seeds = scenario.skills.T[..., None]
-    luck = rng.standard_normal((len(mean), 1))
-    skill = mean + over_controllers * _shared(luck, rng.standard_normal(1), SHARED_LUCK)
-    rates = ndtr(skill / np.sqrt(1 + over_seeds**2))[:, 0]
-    by_seed = skill + over_seeds * rng.standard_normal((len(mean), seeds))
-    return _episodes(by_seed, rng.standard_normal((1, starts)), rng), rates
-
-
 def _episodes(skill: FloatArray, difficulty: FloatArray, rng: np.random.Generator) -> BoolArray:
-    """Success (M, R, N) by skill (M, R) from starts whose difficulty is (R, N) or (1, N)."""
+    """Success (M, R, N) by skill (M, R) from starts whose difficulty is (R, N)."""
     luck = rng.standard_normal((*skill.shape, difficulty.shape[1]))
     return _shared(luck, difficulty, SHARED_DIFFICULTY) < skill[..., None]
 

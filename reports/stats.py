@@ -1,42 +1,12 @@
-"""Statistics of success rates."""
+"""The paired bootstrap, which `reports.verdicts` alone still uses."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest, trim_mean
 
-from bench.intervals import CONFIDENCE, wilson
+from bench.intervals import CONFIDENCE, mcnemar
 from tasks.data import BoolArray, FloatArray, generator
-
-RESAMPLES = 10_000
-
-
-def rate_interval(outcomes: BoolArray, name: object) -> tuple[float, float]:
-    """Returns the 95% interval of a success rate, as fractions: Wilson's for a single fit.
-
-    Args:
-        outcomes: (S, N) success of each seed's fit from each start.
-        name: of the rate. It seeds the resampling.
-    """
-    if len(outcomes) == 1:
-        return wilson(int(outcomes.sum()), outcomes.size)
-    return bootstrap(outcomes, name)
-
-
-def bootstrap(outcomes: BoolArray, name: object) -> tuple[float, float]:
-    """Returns the 95% percentile interval of the mean rate over seeds, as fractions.
-
-    Seeds and starts are drawn with replacement, which estimates what other seeds would have given
-    on other starts. All drawn seeds meet the same drawn starts, since a hard start is hard for most
-    seeds.
-
-    Args:
-        outcomes: (S, N) success of each seed's fit from each start.
-        name: of the rate. It seeds the resampling.
-    """
-    (rates,) = _resampled([outcomes], generator("bootstrap", str(name)), RESAMPLES)
-    return _middle(rates.mean(axis=1))
 
 
 def _resampled(
@@ -101,31 +71,3 @@ def paired_difference(
     single = len(left) == len(right) == 1
     p = mcnemar(left[0], right[0]) if single else min(1.0, 2 * beyond / (1 + resamples))
     return Difference(float(left.mean() - right.mean()), low, high, float(p))
-
-
-def mcnemar(left: BoolArray, right: BoolArray) -> float:
-    """Returns the exact p-value of McNemar's test between two fits on the same starts (N,)."""
-    only_left, only_right = int((left & ~right).sum()), int((right & ~left).sum())
-    if only_left + only_right == 0:
-        return 1.0
-    return float(binomtest(only_left, only_left + only_right).pvalue)
-
-
-def mean_over_tasks(
-    outcomes: Sequence[BoolArray], trimmed: float, name: object, resamples: int = 2000
-) -> tuple[float, float, float]:
-    """Returns the mean success over tasks and seeds, and its 95% interval, as fractions.
-
-    The bootstrap is stratified: it draws seeds and starts within each task.
-
-    Args:
-        outcomes: for each task, (S, N) success of each seed's fit from each start.
-        trimmed: share of the rates to leave out at either end; 0.25 is the interquartile mean.
-        name: of the mean. It seeds the resampling.
-        resamples: number of draws.
-    """
-    rng = generator("mean over tasks", str(name))
-    drawn = [rates for task in outcomes for rates in _resampled([task], rng, resamples)]
-    low, high = _middle(trim_mean(np.concatenate(drawn, axis=1), trimmed, axis=1))
-    value = trim_mean(np.concatenate([task.mean(axis=1) for task in outcomes]), trimmed)
-    return float(value), low, high

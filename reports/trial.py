@@ -10,7 +10,6 @@ import pandas as pd
 
 from bench.checking import known
 from bench.experiments import cells_of
-from bench.intervals import wilson
 from bench.names import KEY_DIGITS
 from bench.presets import Study
 from bench.results import Results as StoredResults
@@ -19,10 +18,10 @@ from bench.study_demos import demos_keys_of
 from methods.registry import SUITE, introduced
 from reports.pairing import without_expert
 from reports.results import Results
-from reports.stats import paired_difference, rate_interval
+from reports.seed_statistics import difference, rate
 from tasks.data import BoolArray
 
-COLUMNS = ("method", "success", "low", "high", "seeds", "n")
+COLUMNS = ("method", "success", "low", "high", "basis", "seeds", "n")
 SETTINGS = ("setting", "here", "shipped")
 DIFFERENCE = ("difference", "difference_low", "difference_high", "p")
 
@@ -39,10 +38,8 @@ class Trial:
 
     @property
     def rate(self) -> dict[str, Any]:
-        """Success [%] with its 95% Wilson interval, as a row with `COLUMNS`."""
-        low, high = wilson(int(self.success.sum()), len(self.success))
-        values = (100 * float(self.success.mean()), 100 * low, 100 * high, 1, len(self.success))
-        return dict(zip(COLUMNS, (self.cell.fit.method, *values), strict=True))
+        """Success [%] with its 95% interval, as a row with `COLUMNS`."""
+        return dict(zip(COLUMNS, _row(self.cell.fit.method, self.success[None]), strict=True))
 
     @property
     def failures(self) -> list[int]:
@@ -52,7 +49,8 @@ class Trial:
     def compare(self, reference: Results) -> pd.DataFrame:
         """Returns one row for each shipped method with the trial's seed, the best rate first.
 
-        It has learnt from the same demonstrations and met the same starts.
+        It has learnt from the same demonstrations and met the same starts. Intervals and p speak of
+        these fits and their controller only.
 
         If a shipped method has met fewer starts, its row is about those. There are no rows if
         `differing_settings` has some, since the methods cannot be compared.
@@ -63,7 +61,7 @@ class Trial:
         Returns:
             The columns of `Trial.rate`, and ``difference``, the trial's success minus the shipped
             method's on the same starts, in points, with its 95% interval ``difference_low`` to
-            ``difference_high`` and ``p``, see `reports.stats.paired_difference`.
+            ``difference_high`` and ``p``, see `reports.seed_statistics.difference`.
         """
         theirs = self._others(reference)
         rows = []
@@ -73,12 +71,9 @@ class Trial:
             )
             assert found is not None
             success = found[:, : len(self.success)]
-            interval = rate_interval(success, f"{self.cell.fit.task} test {method}")
-            ours = self.success[None, : success.shape[1]]
-            pair = f"{self.cell.fit.task} test {self.cell.fit.method} {method}"
-            difference = paired_difference(ours, success, pair).in_points
-            per_cent = [100 * float(value) for value in (success.mean(), *interval)]
-            rows.append((method, *per_cent, *success.shape, *difference))
+            pair = difference(self.success[None, : success.shape[1]], success)
+            points = [100 * value for value in (pair.value, pair.low, pair.high)]
+            rows.append((*_row(method, success), *points, pair.p))
         table = pd.DataFrame(rows, columns=[*COLUMNS, *DIFFERENCE])
         return table.sort_values("success", ascending=False, kind="stable", ignore_index=True)
 
@@ -115,6 +110,13 @@ class Trial:
         """Returns the shipped evaluations of methods on the trial's starts."""
         fit = self.cell.fit
         return without_expert(reference.main(task=fit.task, split="test", seed=fit.seed))
+
+
+def _row(method: str, success: BoolArray) -> tuple[Any, ...]:
+    """Returns the values of `COLUMNS`, given success (1, N)."""
+    found = rate(success)
+    per_cent = [100 * value for value in (found.value, found.low, found.high)]
+    return (method, *per_cent, found.basis, *success.shape)
 
 
 def trial_of(study: Study, folder: Path) -> Trial:

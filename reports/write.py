@@ -9,7 +9,7 @@ import pandas as pd
 
 from bench.doing import say
 from reports.answer import answer
-from reports.exhibit import Exhibit
+from reports.exhibit import MARK, Exhibit
 from reports.exhibits import EXHIBITS
 from reports.page import render
 from reports.results import Results
@@ -19,6 +19,8 @@ from tasks.errors import described
 
 _DATED = {"png": (), "pdf": ("CreationDate",), "svg": ("Date",)}
 """File endings of figures, with the metadata to leave out: the date."""
+_COMMANDS = {"±": r"$\pm$", MARK: r"$^\dagger$"}
+"""LaTeX commands, by sign."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,9 @@ def _write_table(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
     text = latex.to_latex(
         hrules=True, position_float="centering", label=exhibit.name, caption=_escape(caption)
     )
-    (folder / f"{exhibit.name}.tex").write_text(text.replace("±", r"$\pm$"))
+    for sign, command in _COMMANDS.items():
+        text = text.replace(sign, command)
+    (folder / f"{exhibit.name}.tex").write_text(text)
     return path
 
 

@@ -1,59 +1,78 @@
 """Success over all tasks together."""
 
-from collections.abc import Sequence
-
+import numpy as np
 import pandas as pd
 
 from reports.exhibit import Exhibit
-from reports.results import SPLITS, Results
-from reports.stats import mean_over_tasks
+from reports.exhibits.success import with_letters
+from reports.pairing import keep_common, without_expert
+from reports.pairs import pairs_of
+from reports.results import SPLITS, Results, rate_facts
 from reports.style import METHODS, TASKS
-from reports.tables import in_order
+from reports.tables import in_order, table_of
 from tasks.data import BoolArray
 
-TRIMMED = {"mean": 0.0, "interquartile mean": 0.25}
-"""Share of the rates that a statistic leaves out at either end."""
+MEAN, MIDDLE = "mean", "interquartile mean"
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a row for each method with results on all tasks, and two columns for each split."""
-    rows = []
+    """Returns a row for each method with results on all tasks, and two columns for each split.
+
+    Letters and ``detectable`` are those of `reports.exhibits.success`, for the means.
+    """
+    parts = []
     for split in SPLITS:
-        methods = _with_all_tasks(results, split)
-        outcomes = [_outcomes(results, methods, task, split) for task in TASKS]
-        for method, found in zip(methods, zip(*outcomes, strict=True), strict=True):
-            for statistic, trimmed in TRIMMED.items():
-                value, low, high = mean_over_tasks(found, trimmed, (method, split))
-                row = {"row": method, "column": f"{split} {statistic}"}
-                row["n"] = min(one.shape[1] for one in found)
-                rows.append(row | {"value": 100 * value, "low": 100 * low, "high": 100 * high})
-    columns = [f"{split} {statistic}" for split in SPLITS for statistic in TRIMMED]
-    frame = pd.DataFrame(rows, columns=["row", "column", "value", "low", "high", "n"])
-    return in_order(frame, METHODS, columns)
+        found = _of_all_tasks(results.main(split=split))
+        pairs = pairs_of(results, without_expert(found))
+        for statistic in (MEAN, MIDDLE):
+            rows = []
+            for method, mine in found.groupby("method", sort=False):
+                tasks = [*results.paired(mine, ["task"]).values()]
+                if tasks:
+                    episodes = _of_seeds(tasks, statistic == MIDDLE)
+                    place = {"row": method, "column": f"{split} {statistic}"}
+                    rows.append(place | rate_facts(episodes) | {"n": tasks[0].shape[1]})
+            if rows:
+                part = pd.DataFrame(rows)
+                parts.append(with_letters(part, pairs) if statistic == MEAN else part)
+    if not parts:
+        return table_of()
+    columns = [f"{split} {statistic}" for split in SPLITS for statistic in (MEAN, MIDDLE)]
+    whole = pd.concat(parts, ignore_index=True)
+    return in_order(whole.fillna({"letters": ""}), METHODS, columns)
 
 
-def _with_all_tasks(results: Results, split: str) -> list[str]:
-    """Returns the methods with results on every task."""
-    counts = results.main(split=split).groupby("method", sort=False).task.nunique()
-    return list(counts.index[counts == len(TASKS)])
+def _of_all_tasks(found: pd.DataFrame) -> pd.DataFrame:
+    """Returns the evaluations of methods with results on every task, on common seeds and starts."""
+    tasks = found.groupby("method").task.transform("nunique")
+    return keep_common(found[tasks == len(TASKS)], ["method", "task"], within=[])
 
 
-def _outcomes(results: Results, methods: Sequence[str], task: str, split: str) -> list[BoolArray]:
-    """Returns success (S, N) of each method on a task, on common seeds and starts."""
-    if not methods:
-        return []
-    found = results.paired_success([{"method": m, "task": task, "split": split} for m in methods])
-    return [one for one in found if one is not None]
+def _of_seeds(tasks: list[BoolArray], in_the_middle: bool) -> BoolArray:
+    """Returns the episodes of each seed on all tasks.
+
+    Args:
+        tasks: success (R, N) on each of K tasks.
+        in_the_middle: whether to leave out the tasks with the lowest and the highest rate of a
+            seed.
+
+    Returns:
+        Success (R, K N), or (R, (K - 2) N).
+    """
+    success = np.stack(tasks, axis=1)
+    if in_the_middle:
+        order = success.mean(axis=2).argsort(axis=1, kind="stable")[:, 1:-1]
+        success = np.take_along_axis(success, order[..., None], axis=1)
+    return success.reshape(len(success), -1)
 
 
 EXHIBIT = Exhibit(
     name="all_tasks",
     title="All tasks together",
     about=(
-        "Success [%] over tasks and seeds: the mean, and the interquartile mean, which leaves out"
-        " the lowest and the highest quarter; for a method with one fit per task, that drops its"
-        " worst and its best task. Intervals are 95%, from a bootstrap that draws seeds and starts"
-        " within each task. Not in the paper."
+        "Success [%] over tasks, one value for each seed: the mean, and the interquartile mean,"
+        " which leaves out the seed's worst and best task. Starts are those of each task. Not in"
+        " the paper."
     ),
     table=table,
 )

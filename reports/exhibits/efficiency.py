@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, errors_of, task_panels
+from reports.charts import add_legend, dot_single_fits, errors_of, task_panels
 from reports.exhibit import Exhibit
 from reports.pairing import without_expert
 from reports.results import Results
@@ -57,7 +57,7 @@ def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     for task, axes in panels.items():
         for method in methods:
             part = table[(table.column == task) & (table.method == method)]
-            axes.errorbar(
+            drawn = axes.errorbar(
                 part.demos,
                 part.value,
                 errors_of(part),
@@ -68,6 +68,7 @@ def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 color=colour(method, methods),
                 label=exhibit.display(method),
             )
+            dot_single_fits(drawn, part)
         axes.set(xscale="log")
         axes.set_xticks(counts, _tick_labels(counts), fontsize=9)
         axes.minorticks_off()

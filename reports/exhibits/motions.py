@@ -20,7 +20,7 @@ from reports.motions import (
     most_turning,
     replayed_motion,
 )
-from reports.pairing import without_expert
+from reports.pairing import keep_common, without_expert
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, display, ordered
 from reports.tables import in_order, table_of
@@ -33,12 +33,12 @@ SEARCHED = 100
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns some joints of each method and task over time: the lowest seed, one start a task.
+    """Returns some joints of each method and task over time, from one start of the lowest seed.
 
     Columns: those of `reports.motions.motions`; ``row`` the method, ``column`` the task, ``value``
-    as ``tracked``, ``start``, ``success``, ``seeds`` and ``n``, which are 1; and the means over all
-    turning joints, ``prediction error`` |predicted - demonstrated| and ``tracking error``
-    |tracked - predicted|.
+    as ``tracked``, ``seed``, ``start``, ``success``, ``seeds`` and ``n``, which are 1; and means
+    over all turning joints, ``prediction error`` |predicted - demonstrated| and
+    ``tracking error`` |tracked - predicted|.
 
     Raises:
         InputError: none of the motions can be replayed.
@@ -46,7 +46,7 @@ def table(results: Results) -> pd.DataFrame:
     parts: list[pd.DataFrame] = []
     rows: list[dict[str, Any]] = []
     if isinstance(results.source, StoredResults):
-        found = without_expert(results.main(split="test")).sort_values("seed", kind="stable")
+        found = keep_common(without_expert(results.main(split="test")))
         for _, of_task in found.groupby("task", sort=False):
             of_seed = of_task[of_task.seed == of_task.seed.min()]
             rows = of_seed.drop_duplicates("method").to_dict("records")
@@ -75,8 +75,8 @@ def _of_task(results: Results, rows: Sequence[dict[str, Any]]) -> list[pd.DataFr
         }
         part = whole[whole.joint.isin(most_turning(whole, JOINTS))]
         success = bool(results.outcomes(row).success[start])
-        labels = {"row": row["method"], "column": row["task"], "start": start, "success": success}
-        counts = {"seeds": 1, "n": 1}
+        labels = {"row": row["method"], "column": row["task"], "success": success}
+        counts = {"seed": row["seed"], "start": start, "seeds": 1, "n": 1}
         found.append(part.assign(value=part.tracked, **labels, **counts, **errors))
     return found
 
@@ -119,8 +119,8 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 axes.set_title(outcome, loc="right", fontsize=7.5, pad=2)
             axes.tick_params(labelsize=8)
         line[0].set_ylim(*_limits(here))
-        start = here.start.iloc[0]
-        line[0].set_ylabel(f"{display(task)}\nstart {start}\n{joint} [rad]", fontsize=7.5)
+        start = f"seed {here.seed.iloc[0]}, start {here.start.iloc[0]}"
+        line[0].set_ylabel(f"{display(task)}\n{start}\n{joint} [rad]", fontsize=7.5)
     for axes, method in zip(panels[0], methods, strict=True):
         axes.set_title(exhibit.display(method), pad=10)
     for axes in panels[-1]:
@@ -151,11 +151,11 @@ EXHIBIT = Exhibit(
     name="motions",
     title="Predicted and tracked motions",
     about="Figure: the two joints of each task that turn most in the demonstrated motion, from one"
-    " start of the task (its index is beside the axis): the first at which the methods differ, if"
-    " there is one. Demonstrated: by the expert from that start, or, where methods learnt from"
-    " other demonstrations, in the one with the nearest start. Bands: the mean prediction error on"
-    " validation demonstrations. Table: mean |predicted - demonstrated| and |tracked - predicted|"
-    " in this episode, over all joints that turn [rad].",
+    " start of the lowest seed (their numbers are beside the axis): the first at which the methods"
+    " differ, if there is one. Demonstrated: by the expert from that start, or, where methods"
+    " learnt from other demonstrations, in the one with the nearest start. Bands: the mean"
+    " prediction error on validation demonstrations. Table: mean |predicted - demonstrated|"
+    " and |tracked - predicted| in this episode, over all joints that turn [rad].",
     table=table,
     unit="rad",
     digits=3,

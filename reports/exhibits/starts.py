@@ -8,49 +8,44 @@ from matplotlib.figure import Figure
 
 from reports.charts import add_marker_legend
 from reports.exhibit import Exhibit
+from reports.pairing import keep_common
 from reports.results import SPLITS, Results
 from reports.starts import draw_starts, start_values
 from reports.style import METHODS, TASKS, display, ordered
 from reports.tables import in_order, table_of
 
 SHOWN = 200
-"""Number of starts of a split that are shown, the first ones."""
+"""Number of starts of a split that are shown: the first ones of each seed, as many of each."""
 OUTCOMES: dict[str, dict[str, Any]] = {
-    "every seed succeeds": {"color": "#7fa8c9", "marker": "o", "s": 9, "linewidths": 0},
-    "some seeds succeed": {"color": "#c96a00", "marker": "^", "s": 16, "linewidths": 0},
-    "every seed fails": {"color": "#c0306a", "marker": "x", "s": 16, "linewidths": 1.1},
+    "success": {"color": "#7fa8c9", "marker": "o", "s": 9, "linewidths": 0},
+    "failure": {"color": "#c0306a", "marker": "x", "s": 16, "linewidths": 1.1},
 }
 """How starts are drawn, by outcome. Points keep their colours on a light and on a dark page."""
 
 
 def table(results: Results) -> pd.DataFrame:
-    """Returns a line for each method, task, split and start of the lowest seed.
+    """Returns a line for each method, task, split, seed and start, whose ``value`` is 0 or 100 [%].
 
-    ``value`` is the share of seeds that succeed [%].
-
-    Columns: ``split``, ``start`` its index, ``seeds``, ``n`` starts of the split that are shown,
-    and a column for each number of a start.
+    Columns: ``split``, ``seed``, ``start`` its index among those of the seed, ``seeds``, ``n``
+    starts of each that are shown, and a column for each number of a start.
     """
     from tasks.registry import get_task  # imports MuJoCo
 
     parts = []
     for split in SPLITS:
-        found = results.main(split=split)
-        seed = int(found.seed.min()) if len(found) else 0
-        # In the shipped results all seeds met the same starts; their KODex has seed 0.
-        chosen = {"seed": seed} if seed else {}
-        for task, method in found[["task", "method"]].drop_duplicates().to_numpy():
-            success = results.success(task=task, method=method, split=split, **chosen)
-            if success is None:
-                continue
-            success = success[:, :SHOWN]
-            values = start_values(get_task(task), split, success.shape[1], seed)
-            facts = {"split": split, "value": 100 * success.mean(axis=0), "seeds": len(success)}
-            parts.append(values.assign(row=method, column=task, n=success.shape[1], **facts))
+        found = keep_common(results.main(split=split))
+        seeds = found.groupby(["task", "method"]).seed.transform("nunique")
+        few = np.minimum(found.episodes, np.maximum(1, SHOWN // seeds))
+        for row in found.assign(seeds=seeds, n=few).to_dict("records"):
+            success = results.outcomes(row).success.to_numpy(bool)[: row["n"]]
+            values = start_values(get_task(row["task"]), split, row["n"], row["seed"])
+            place = {"row": row["method"], "column": row["task"], "split": split}
+            facts = {name: row[name] for name in ("seed", "seeds", "n")}
+            parts.append(values.assign(**place, **facts, value=100.0 * success))
     if not parts:
         return table_of()
     whole = in_order(pd.concat(parts), METHODS)
-    first = ["row", "column", "split", "start", "value", "seeds", "n"]
+    first = ["row", "column", "split", "seed", "start", "value", "seeds", "n"]
     return whole[[*first, *whole.columns.difference(first, sort=False)]]
 
 
@@ -82,8 +77,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     size = (2.4 * len(tasks) + 0.5, 1.75 * len(methods) + 0.6)
     drawing = Figure(figsize=size, layout="constrained")
     panels = drawing.subplots(len(methods), len(tasks), squeeze=False, sharex="col", sharey="col")
-    outcome = np.select([table.value == 100, table.value > 0], [*OUTCOMES][:2], [*OUTCOMES][2])
-    marked = table.assign(outcome=outcome)
+    marked = table.assign(outcome=np.where(table.value > 0, *OUTCOMES))
     for line, method in zip(panels, methods, strict=True):
         for axes, name in zip(line, tasks, strict=True):
             part = marked[(marked.row == method) & (marked.column == name)]
@@ -111,9 +105,9 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 EXHIBIT = Exhibit(
     name="starts",
     title="Where methods fail",
-    about="Figure: the first starts of each split, by how many seeds succeed; the dashed frame"
-    " holds the training distribution. Table: success [%] by half of the range of each number of a"
-    " start.",
+    about="Figure: the first starts of each split and seed, by outcome; the dashed frame holds the"
+    " training distribution. Table: success [%] from these starts, by half of the range of each"
+    " number of a start.",
     table=table,
     figure=figure,
     summary=summary,

@@ -3,14 +3,42 @@
 import pandas as pd
 
 from reports.exhibit import Exhibit
+from reports.pairing import keep_common, without_expert
+from reports.pairs import letters_of, pairs_of, smallest_shown
 from reports.results import Results
 from reports.style import METHODS
 from reports.tables import in_order, success_table
 
 
 def success_by_method(results: Results, split: str) -> pd.DataFrame:
-    """Returns success [%] on a split: a row for each method, a column for each task."""
-    return in_order(success_table(results, results.main(split=split), "method", "task"), METHODS)
+    """Returns success [%] on a split: a row for each method, a column for each task.
+
+    Methods of a task that share one of the ``letters`` cannot be told apart. ``detectable``
+    [points] is the smallest difference that the seeds could have shown, the same in all rows of a
+    task.
+    """
+    found = keep_common(results.main(split=split))
+    table = success_table(results, found, "method", "task")
+    learnt = without_expert(found)
+    parts = [
+        with_letters(part, pairs_of(results, learnt[learnt.task == task]))
+        for task, part in table.groupby("column", sort=False)
+    ]
+    return in_order(pd.concat(parts) if parts else table, METHODS)
+
+
+def with_letters(part: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
+    """Returns a column of a table with what its pairs of methods tell, in two added columns.
+
+    Args:
+        part: rows of a table, one for each method.
+        pairs: as `reports.pairs.pairs_of` returns them.
+    """
+    there = part[part.row.isin({*pairs.left, *pairs.right})]
+    letters = letters_of(pairs, dict(zip(there.row, there.value, strict=True)))
+    return part.assign(
+        letters=[letters.get(method, "") for method in part.row], detectable=smallest_shown(pairs)
+    )
 
 
 def table(results: Results) -> pd.DataFrame:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from reports.exhibit import Exhibit
+from reports.pairing import keep_common
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, dashes, display, ordered
 from reports.tables import in_order, table_of
@@ -18,10 +19,11 @@ def table(results: Results) -> pd.DataFrame:
     """Returns a line for each method, task and control step: ``value``, the share of episodes [%].
 
     Columns: ``t`` the time [s], ``value`` the mean over seeds, ``least`` and ``most`` of any seed,
-    ``seeds``, ``n`` episodes of each seed.
+    ``seeds``, ``n`` starts of each.
     """
     parts = []
-    for (task, method), found in results.main(split="test").groupby(["task", "method"], sort=False):
+    whole = keep_common(results.main(split="test"))
+    for (task, method), found in whole.groupby(["task", "method"], sort=False):
         count = int(found.episodes.min())
         curves = [_curve(results, task, row, count) for row in found.to_dict("records")]
         shares = np.array([100 * curve for curve in curves if curve is not None])

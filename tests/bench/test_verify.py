@@ -1,6 +1,10 @@
 import json
+from types import SimpleNamespace
 
+import numpy as np
+import pandas as pd
 import pytest
+from statsmodels.stats.contingency_tables import mcnemar
 
 from bench import verify as module
 
@@ -41,8 +45,7 @@ def test_verify_judges_results_of_other_software_by_their_success(
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
     assert (
-        "outside the interval: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag"
-        in said
+        "\ntold apart: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag" in said
     )
 
 
@@ -54,3 +57,36 @@ def test_results_from_other_demonstrations_are_refused(task, smoke, bench, tmp_p
     code, _, error = bench("verify", str(tmp_path), "--jobs", "1")
     assert code == 2
     assert "learnt from other demonstrations" in error
+
+
+@pytest.mark.parametrize(
+    ("lost", "evaluations", "verdict"),
+    [
+        (0, 1, "identical"),
+        (5, 1, "cannot be told apart"),
+        (6, 1, "told apart"),
+        (6, 2, "cannot be told apart"),
+        (7, 2, "told apart"),
+    ],
+)
+def test_stored_and_repeated_episodes_are_compared_start_by_start(
+    lost, evaluations, verdict, monkeypatch
+):
+    """Six starts that only one succeeds from have a p-value of 0.031, seven 0.016, five 0.063.
+
+    Those are far within Wilson's interval of 400 in 500.
+    """
+
+    def episodes(successes):
+        return pd.DataFrame({"success": np.arange(500) < successes, "diverged": False, "steps": 9})
+
+    monkeypatch.setattr(module, "_difference", lambda *arguments: "")
+    stored = SimpleNamespace(outcomes=lambda row: episodes(400))
+    again = SimpleNamespace(episodes=lambda wanted: episodes(400 - lost))
+    cell = SimpleNamespace(
+        wanted=None, fit=SimpleNamespace(label="fit"), evaluation=SimpleNamespace(name="test")
+    )
+    found = module._compare(stored, again, [{}] * evaluations, [cell] * evaluations)
+    assert {one.verdict for one in found} == {verdict}
+    p = mcnemar([[400 - lost, lost], [0, 100]], exact=True).pvalue
+    assert found[0].p == pytest.approx(min(1, evaluations * p))

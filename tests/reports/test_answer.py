@@ -8,39 +8,42 @@ import pytest
 from reports import answer as module
 from reports.answer import answer
 from reports.results import Results
-from tasks.errors import InputError
 
 
 class MadeUp(Results):
-    def __init__(self, rates):
-        self.rates_of, self.suffixes = rates, {}
+    suffixes = {}  # noqa: RUF012
+
+    def __init__(self, rates, seeds):
+        self.rates_of, self.seeds = rates, seeds
 
     def main(self, **values):
-        return pd.DataFrame({"task": "door", "method": ["expert", *self.rates_of]})
-
-    def rates(self, evaluations, by):
-        rows = [{"method": "expert", "value": 100.0}]
-        rows += [{"method": name, "value": float(rate)} for name, rate in self.rates_of.items()]
-        return pd.DataFrame(rows).assign(task="door")
+        rows = [(m, seed) for m in ("expert", *self.rates_of) for seed in range(self.seeds)]
+        frame = pd.DataFrame(rows, columns=["method", "seed"])
+        return frame.assign(task="door", episodes=100)
 
 
 @pytest.fixture
 def said(monkeypatch):
     """Returns the answer for methods with these rates, of which only some pairs are told apart."""
 
-    def answer_of(rates, apart=(), q=0.01):
-        def compare(results, methods):
-            if len(methods) < 2:
-                raise InputError("too few")
+    def answer_of(rates, apart=(), p=0.01, seeds=5):
+        def pairs_of(results, evaluations):
             rows = []
-            for left, right in combinations(methods, 2):
+            for left, right in combinations(evaluations.method.unique(), 2):
                 low, high = dict(apart).get((left, right), (-1.0, 1.0))
-                row = {"task": "door", "split": "test", "left": left, "right": right}
-                rows.append(row | {"low": low, "high": high, "q": q})
-            return pd.DataFrame(rows)
+                row = {"left": left, "right": right, "difference": (low + high) / 2}
+                known = p if (left, right) in dict(apart) else 0.5
+                rows.append(row | {"low": low, "high": high, "p_holm": known})
+            columns = ["left", "right", "difference", "low", "high", "p_holm"]
+            return pd.DataFrame(rows, columns=columns)
 
-        monkeypatch.setattr(module, "compare", compare)
-        (sentence,) = answer(MadeUp(rates))
+        def success_by_method(results, split):
+            table = pd.DataFrame({"row": rates.keys(), "value": map(float, rates.values())})
+            return table.assign(column="door")
+
+        monkeypatch.setattr(module, "pairs_of", pairs_of)
+        monkeypatch.setattr(module, "success_by_method", success_by_method)
+        (sentence,) = answer(MadeUp(rates, seeds))
         return sentence
 
     return answer_of
@@ -62,8 +65,8 @@ def test_answer_says_which_method_leads_all_others(said):
     )
 
 
-def test_methods_are_not_told_apart_if_q_is_large(said):
-    sentence = said({"kodex": 90, "nn": 85}, {("kodex", "nn"): (1.0, 9.0)}.items(), q=0.06)
+def test_methods_are_not_told_apart_if_p_is_large_after_correction(said):
+    sentence = said({"kodex": 90, "nn": 85}, {("kodex", "nn"): (1.0, 9.0)}.items(), p=0.06)
     assert sentence == "Door: KODex and NN cannot be told apart (85.0 to 90.0%)."
 
 
@@ -76,3 +79,8 @@ def test_methods_that_tie_with_the_best_alone_are_not_said_to_tie_with_each_othe
 
 def test_answer_says_that_a_single_method_has_no_rival(said):
     assert said({"kodex": 90}) == "Door: KODex is the only method, 90.0%."
+
+
+def test_answer_of_one_seed_says_what_it_speaks_of(said):
+    sentence = said({"kodex": 90, "nn": 85}, seeds=1)
+    assert sentence.endswith("(85.0 to 90.0%) (this fit and this controller only).")

@@ -4,12 +4,11 @@ import pytest
 
 from reports.components import components, deviation
 from reports.coverage import (
-    bootstrap_errors,
     contradicted,
     covered_differences,
     covered_rates,
 )
-from reports.simulated import BY_NAME, Scenario, crossed, repeated
+from reports.simulated import BY_NAME, Scenario, repeated
 from tasks.data import generator
 
 MIDDLE = BY_NAME["85 and 85"]
@@ -41,12 +40,6 @@ def test_a_claim_whose_differences_are_all_zero_is_seldom_contradicted():
     assert contradicted(seeds=5, starts=200, studies=40) <= 0.05
 
 
-def test_the_older_bootstrap_finds_differences_that_are_none():
-    given, general, _ = bootstrap_errors(MIDDLE, 200, 40)
-    assert general > 0.15
-    assert general > given
-
-
 def test_simulated_rates_have_the_mean_and_spread_of_their_scenario():
     rates = repeated(MIDDLE, 2000, 200, generator("scenario")).mean(axis=2)
     over_starts = 0.85 * 0.15 / 200
@@ -58,13 +51,6 @@ def test_simulated_rates_have_the_mean_and_spread_of_their_scenario():
 def test_a_scenario_at_100_never_fails():
     sure = Scenario("sure", (1.0, 0.5), (0.0, 0.0), (0.0, 0.0))
     assert repeated(sure, 3, 50, generator("sure"))[0].all()
-
-
-def test_crossed_seeds_share_their_controller_and_their_starts():
-    hard = Scenario("hard", (0.5, 0.5), (0.1, 0.1), (0.0, 0.0))
-    (left, _), true = crossed(hard, 400, 30, generator("crossed"))
-    assert left.mean() == pytest.approx(true[0], abs=0.2)
-    assert left.mean(axis=0).std() > 0.2
 
 
 def test_the_deviation_of_levels_leaves_out_the_luck_of_starts():

@@ -13,6 +13,7 @@ from reports.claims import CLAIMS
 from reports.exhibit import Exhibit
 from reports.page import render
 from reports.results import Results
+from reports.seed_statistics import OVER_SEEDS
 from reports.write import write_report
 from tasks.data import generator
 
@@ -51,7 +52,7 @@ NOTE = "The made-up protocol."
 
 
 class Few(Results):
-    """Results of methods on one task: two seeds each, and one of the expert."""
+    """Results of methods on one task: two seeds each, whose second fails more often."""
 
     provenance = ({"host": HOSTILE[0], "versions": {}},)
     finished = ("2026-01-02", "2026-01-03", "2026-01-05")
@@ -73,7 +74,7 @@ class Few(Results):
             | {"successes": int(200 * RATES.get(method, 0.5))}
             for place in places
             for method in methods
-            for seed in ((0,) if method == "expert" else (1, 2))
+            for seed in (1, 2)
         )
 
     @property
@@ -81,7 +82,8 @@ class Few(Results):
         return [*self._notes]
 
     def outcomes(self, row):
-        success = np.arange(row["episodes"]) % 20 < 20 * RATES.get(row["method"], 0.5)
+        rate = 20 * RATES.get(row["method"], 0.5) - (row["seed"] == 2)
+        success = np.arange(row["episodes"]) % 20 < rate
         return pd.DataFrame({"success": success, "diverged": False})
 
     def readings(self, row):
@@ -102,7 +104,7 @@ def page(folder, names=()):
     """Writes a page of one table, with methods, claims and sentences of these names."""
     rows = ROWS + [(name, "door", float(i)) for i, name in enumerate(names)]
     table = pd.DataFrame(rows, columns=["row", "column", "value"])
-    table = table.assign(low=table.value, high=table.value)
+    table = table.assign(low=table.value, high=table.value, basis=OVER_SEEDS)
     results = Few([row for row, *_ in rows], notes=HOSTILE)
     exhibits = [
         Exhibit(name, f"{name}: a table", "About.", lambda results: table).with_remarks(results)
@@ -294,7 +296,7 @@ def test_users_method_is_highlighted(opened, report):
 
 def test_success_table_has_a_dot_for_each_seed(opened, report):
     rows = opened(path=report).locator("#seeds tbody tr").all()
-    assert [row.locator("circle").count() for row in rows] == [1, 2, 2, 2]
+    assert [row.locator("circle").count() for row in rows] == [2, 2, 2, 2]
 
 
 def test_figures_follow_the_theme(opened, report):

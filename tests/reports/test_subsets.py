@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from bench.experiments import cells_of
 from bench.presets import experiment_names, get_preset
 from bench.spec import Evaluation
-from reports import stats, write
+from reports import write
 from reports.exhibits import EXHIBITS
 from reports.results import Results
 from reports.write import write_report
@@ -27,7 +27,7 @@ from tasks.registry import TASKS
 SUITE = ("expert", "kodex", "nn", "ndp")
 OWN = {
     # Controller, sizes and seeds, by name.
-    "mine": ("none", ("single",), (0,)),
+    "mine": ("none", ("single",), (1,)),
     "closed-loop": ("none", ("x large", "1_a", "small"), (3,)),
     "own_motion": ("original", ("64",), (1, 2)),
 }
@@ -119,21 +119,6 @@ def subsets(draw):
     if draw(st.booleans()):
         kept &= frame.index.to_series() % 7 == draw(st.integers(0, 6))
     return frame[kept].reset_index(drop=True)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_resamples():
-    """Computes intervals from few resamples, since these tests do not check them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stats, "RESAMPLES", 20)
-        paired, mean = stats.paired_difference, stats.mean_over_tasks
-        for place in ("verdicts", "compare"):
-            name = f"reports.{place}.paired_difference"
-            patch.setattr(name, lambda *a: paired(*a, resamples=20))
-        patch.setattr(
-            "reports.exhibits.all_tasks.mean_over_tasks", lambda *a: mean(*a, resamples=20)
-        )
-        yield
 
 
 @contextmanager

@@ -52,7 +52,9 @@ def test_shipped_methods_are_sorted_by_rate_and_compared_on_the_same_starts(task
     ahead, same, behind = table.to_dict("records")
     assert ahead["difference"] == pytest.approx(trial.rate["success"] - ahead["success"])
     assert ahead["difference_high"] < 0 < behind["difference_low"]
-    assert (same["difference_low"], same["difference_high"], same["p"]) == (0, 0, 1)
+    assert same["difference_low"] < 0 < same["difference_high"]
+    assert (same["difference"], same["p"]) == (0, 1)
+    assert set(table.basis) == {trial.rate["basis"]} == {"this fit and this controller only"}
     # Both fail on hard starts, so paired differences are sharper than separate intervals.
     assert ahead["low"] < trial.rate["high"]
 
@@ -96,6 +98,7 @@ def test_output_shows_rates_and_commands_for_failures(bench, reference):
     assert "{success:.1f} [{low:.1f}, {high:.1f}]".format(**numbers) in said
     assert re.search(r"^  NN +\d", said, re.M)
     assert "same demos, controller and starts." in said
+    assert "Brackets: 95% intervals of this fit and this controller only." in said
     first = numbers["failures"][0]
     assert "bench failures 'my results' --method kodex --task door --seed 1\n" in said
     assert said.endswith(f"--results 'my results' --methods kodex --seed 1 --start {first}\n")
