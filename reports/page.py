@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
 from reports.answer import FIXED, HOW
+from reports.claim import SIMILAR
 from reports.exhibit import PARTS, Exhibit
 from reports.opening import first_failures, strips, study_facts
 from reports.results import Results
@@ -73,6 +74,7 @@ def render(
         how=HOW,
         success=first and strips(results, first, tables[SUCCESS]),
         claims=[_claim(claim) for claim in claims.to_dict("records")],
+        similar=f"{SIMILAR:g}",
         counts=", ".join(f"{count} {verdict}" for verdict, count in _counts(claims).items()),
         parts={
             part: [_shown(one, tables[one.name], figures) for one in shown if one.part == part]

@@ -113,7 +113,7 @@ def _remove(exhibit: Exhibit, folder: Path) -> None:
 def _write_claims(claims: pd.DataFrame, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     claims.to_csv(folder / "claims.csv", index=False)
-    lines = claims.drop(columns="claim").to_markdown(index=False)
+    lines = claims.to_markdown(index=False)
     (folder / "claims.md").write_text(f"## Claims of the paper\n\n{lines}\n")
 
 

@@ -237,7 +237,7 @@ def test_report_writes_each_exhibit_in_each_format(results, tmp_path):
         for ending in ("csv", "md", "tex"):
             assert (tmp_path / f"tables/{exhibit.name}.{ending}").stat().st_size
     claims = (tmp_path / "tables/claims.md").read_text()
-    assert "On Relocation, KODex does marginally better with set 2 than with set 3." in claims
+    assert "On Relocation, KODex does marginally better with set 2 than with set 3" in claims
     drawn = [exhibit for exhibit in shown if exhibit.axis]
     for ending in ("png", "pdf", "svg"):
         assert len(list((tmp_path / "figures").glob(f"*.{ending}"))) == len(drawn)

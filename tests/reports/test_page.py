@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from reports import write
+from reports.claims import CLAIMS
 from reports.exhibit import Exhibit
 from reports.page import render
 from reports.results import Results
@@ -109,7 +110,8 @@ def page(folder, names=()):
         Exhibit(name, f"{name}: a table", "About.", lambda results: table).with_remarks(results)
         for name in ("success", "shown", "absent")
     ]
-    claim = dict.fromkeys(("says", "source", "paper", "ours", "evidence"), " ".join(names))
+    columns = ("claim", "says", "source", "paper", "ours", "evidence")
+    claim = dict.fromkeys(columns, " ".join(names))
     tables = {"success": table, "shown": table}
     claims = pd.DataFrame([claim])
     path = folder / "index.html"
@@ -266,13 +268,14 @@ def test_headings_are_closed_and_a_link_opens_its_target(opened, report):
 def test_claims_not_run_are_folded_with_their_evidence(opened, report):
     view = opened(path=report)
     claims = view.locator(".claims li")
-    assert claims.count() == 15
+    assert claims.count() == len(CLAIMS)
     evidence = claims.first.locator("p")
     assert not claims.first.is_visible()
-    view.get_by_text("15 not run, because results are missing").click()
+    view.get_by_text(f"{len(CLAIMS)} not run, because results are missing").click()
     assert not evidence.is_visible()
     claims.first.locator("summary").click()
-    assert "no results of KODex Tool ood" in evidence.inner_text()
+    assert "no training time of NN Tool" in evidence.inner_text()
+    assert "Name: kodex-trains-faster." in evidence.inner_text()
 
 
 def test_decided_claim_has_a_line(opened):

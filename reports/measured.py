@@ -1,0 +1,285 @@
+"""What results say of a statement: its number, with an interval and a p-value."""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import singledispatch
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.special import stdtr
+
+from reports.at_least import kth_largest
+from reports.claim import (
+    ERROR,
+    SUCCESS,
+    TIME,
+    AtLeast,
+    Contrast,
+    LargestAboveOne,
+    MostBelowOne,
+    Overall,
+    SeedMatters,
+    Setting,
+    SizeMatters,
+    Statement,
+    TrainsLonger,
+    Trend,
+)
+from reports.exhibits.table_11 import SETS
+from reports.results import SIZES, Results
+from reports.seed_statistics import (
+    ONE_SEED,
+    OVER_SEEDS,
+    Estimate,
+    aggregate,
+    critical,
+    difference,
+    rank_correlation,
+)
+from reports.style import TASKS, display
+from tasks.data import BoolArray, FloatArray
+
+TIMED = "fits of one seed are timed"
+FEWEST_SPREADS = 3
+"""The fewest seeds whose spread has an interval."""
+Pair = tuple[BoolArray, BoolArray]
+
+
+class NotRunError(Exception):
+    """Results lack what a statement is about. The message says what."""
+
+
+class Measured(NamedTuple):
+    """A statement, its name in full, and its number in results, in the statement's unit."""
+
+    statement: Statement
+    name: str
+    found: Estimate
+
+    @property
+    def above_margin(self) -> float:
+        """How far the number exceeds the margin."""
+        return self.found.value - self.found.margin
+
+    def __str__(self) -> str:
+        statement, found = self.statement, self.found
+        ends = (format(end, statement.form.removeprefix("+")) for end in (found.low, found.high))
+        interval = f" [{', '.join(ends)}]" if found.low < found.high else ""
+        return (
+            f"{self.name}: {found.value:{statement.form}}{statement.unit}{interval},"
+            f" claimed above {found.margin:g}"
+        )
+
+
+@singledispatch
+def measure(statement: Statement, results: Results) -> Measured:
+    """Returns what results say of a statement.
+
+    Raises:
+        NotRunError: they lack what it is about.
+    """
+    raise TypeError(f"no way to measure {statement}")
+
+
+@measure.register
+def _(statement: Contrast, results: Results) -> Measured:
+    ((left, right),) = _paired([(statement.left, statement.right)], results)
+    found = difference(left, right, statement.margin / 100)
+    return Measured(statement, str(statement), _in_points(found))
+
+
+@measure.register
+def _(statement: Overall, results: Results) -> Measured:
+    found = aggregate(_paired(statement.pairs, results), statement.margin / 100)
+    return Measured(statement, str(statement), _in_points(found))
+
+
+@measure.register
+def _(statement: AtLeast, results: Results) -> Measured:
+    each = [measure(contrast, results) for contrast in statement.contrasts]
+    found = kth_largest([one.found for one in each], statement.count)
+    deciding = sorted(each, key=lambda one: -one.found.value)[statement.count - 1]
+    return Measured(statement, f"{statement}, {deciding.name}", found)
+
+
+@measure.register
+def _(statement: SizeMatters, results: Results) -> Measured:
+    pairs = [_best_and_worst(statement.method, task, results) for task in TASKS]
+    found = aggregate(_cut(pairs), statement.margin / 100)
+    return Measured(statement, str(statement), _in_points(found))
+
+
+def _best_and_worst(method: str, task: str, results: Results) -> Pair:
+    """Success (R, N) of the sizes that do best and worst with the other seeds than each."""
+    places = [{"method": method, "task": task, "split": "validation", "size": s} for s in SIZES]
+    found = [one for one in results.paired_success(places) if one is not None]
+    if len(found) < 2:
+        raise NotRunError(f"no two sizes of {display(method)} on {display(task)}")
+    success = np.stack(found)
+    seeds = success.shape[1]
+    if seeds == 1:
+        raise NotRunError("one seed: other seeds must choose the best size")
+    rates = success.mean(axis=2)
+    others = rates.sum(axis=1, keepdims=True) - rates
+    each = np.arange(seeds)
+    return success[others.argmax(axis=0), each], success[others.argmin(axis=0), each]
+
+
+@measure.register
+def _(statement: SeedMatters, results: Results) -> Measured:
+    pairs = [(Setting(statement.method, task), Setting("kodex", task)) for task in TASKS]
+    rates = 100 * np.array(_paired(pairs, results)).mean(axis=-1)
+    seeds = rates.shape[-1]
+    if seeds < FEWEST_SPREADS:
+        raise NotRunError(f"a spread over seeds takes {FEWEST_SPREADS} seeds, there are {seeds}")
+    spread = _mean_spread(rates)
+    without = [_mean_spread(np.delete(rates, seed, axis=-1)) for seed in range(seeds)]
+    jackknifed = seeds * spread - (seeds - 1) * np.array(without)
+    return Measured(statement, str(statement), over_seeds(jackknifed, statement.margin))
+
+
+def _mean_spread(rates: FloatArray) -> float:
+    """The standard deviation over seeds, left minus right, of rates (K, 2, R)."""
+    left, right = rates.std(axis=-1, ddof=1).mean(axis=0)
+    return float(left - right)
+
+
+@measure.register
+def _(statement: Trend, results: Results) -> Measured:
+    values = _QUANTITIES[statement.quantity](results)
+    found = rank_correlation(np.arange(len(SETS)), values if statement.rises else -values)
+    if statement.quantity == TIME:
+        found = found._replace(basis=TIMED)
+    return Measured(statement, str(statement), found)
+
+
+def _success_by_set(results: Results) -> FloatArray:
+    """Success (R, K, L) of each seed, task and set."""
+    settings = [[Setting("kodex", task, variant=v) for v in SETS] for task in TASKS]
+    found = [np.stack(_success(one, results)).mean(axis=2).T for one in settings]
+    seeds = min(map(len, found))
+    return np.stack([one[:seeds] for one in found], axis=1)
+
+
+def _error_by_set(results: Results) -> FloatArray:
+    """Imitation errors (R, K, L) of each seed, task and set."""
+    errors = []
+    for task in TASKS:
+        fits = [_fits(results, task, variant).set_index("seed").folder for variant in SETS]
+        common = pd.concat(fits, axis=1, join="inner").sort_index()
+        errors.append(common.map(results.imitation_error).to_numpy(float))
+    seeds = min(map(len, errors))
+    if not seeds:
+        raise NotRunError("the sets of observables have no seed in common")
+    return np.stack([one[:seeds] for one in errors], axis=1)
+
+
+def _time_by_set(results: Results) -> FloatArray:
+    """Seconds (1, K, L) to fit K, of one seed for each task and set."""
+    return np.array(
+        [[[_seconds(results, "kodex", task, variant) for variant in SETS] for task in TASKS]]
+    )
+
+
+_QUANTITIES: dict[str, Callable[[Results], FloatArray]] = {
+    SUCCESS: _success_by_set,
+    ERROR: _error_by_set,
+    TIME: _time_by_set,
+}
+
+
+@measure.register
+def _(statement: MostBelowOne, results: Results) -> Measured:
+    below = [100 * (one < 1).mean() for one in _magnitudes(results, statement.task)]
+    return Measured(statement, str(statement), over_seeds(np.array(below), statement.margin))
+
+
+@measure.register
+def _(statement: LargestAboveOne, results: Results) -> Measured:
+    largest = [one.max() for one in _magnitudes(results, statement.task)]
+    return Measured(statement, str(statement), over_seeds(np.array(largest), statement.margin))
+
+
+def _magnitudes(results: Results, task: str) -> list[FloatArray]:
+    """The eigenvalue magnitudes of K (p,) for each seed of KODex."""
+    folders = _fits(results, task).folder
+    return [np.hypot(*results.eigenvalues(folder).T) for folder in folders]
+
+
+@measure.register
+def _(statement: TrainsLonger, results: Results) -> Measured:
+    own, kodex = (_seconds(results, m, statement.task) for m in (statement.method, "kodex"))
+    ratio, margin = own / kodex, statement.margin
+    p = float(ratio == margin)
+    found = Estimate(ratio, ratio, ratio, p, margin, 1, TIMED)
+    return Measured(statement, str(statement), found)
+
+
+def over_seeds(values: FloatArray, margin: float) -> Estimate:
+    """Returns the mean of one value (R,) for each seed, with Student's t over seeds.
+
+    One seed has an interval without width.
+    """
+    seeds, value = len(values), float(values.mean())
+    error = float(values.std(ddof=1)) / sqrt(seeds) if seeds > 1 else 0.0
+    half = critical(seeds) * error if error else 0.0
+    p = 2 * stdtr(seeds - 1, -abs(value - margin) / error) if error else float(value == margin)
+    basis = OVER_SEEDS if seeds > 1 else ONE_SEED
+    return Estimate(value, value - half, value + half, float(p), margin, seeds, basis)
+
+
+def _fits(results: Results, task: str, variant: str = "described") -> pd.DataFrame:
+    """One row for each seed of KODex."""
+    found = results.main(method="kodex", task=task, variant=variant).drop_duplicates("seed")
+    if found.empty:
+        raise NotRunError(f"no results of {Setting('kodex', task, variant=variant)}")
+    return found.sort_values("seed")
+
+
+def _seconds(results: Results, method: str, task: str, variant: str = "described") -> float:
+    """The training time of the first seed that was timed."""
+    timed = results.main(method=method, task=task, variant=variant).dropna(subset="fit_seconds")
+    if timed.empty:
+        raise NotRunError(f"no training time of {Setting(method, task, variant=variant)}")
+    return float(timed.fit_seconds.iloc[0])
+
+
+def _paired(pairs: Sequence[tuple[Setting, Setting]], results: Results) -> list[Pair]:
+    """Success (R, N) of both sides of each pair, on as many seeds and starts for all of them."""
+    settings = dict.fromkeys(side for pair in pairs for side in pair)
+    found: dict[Setting, BoolArray] = {}
+    for task in dict.fromkeys(one.task for one in settings):
+        here = [one for one in settings if one.task == task]
+        found |= zip(here, _success(here, results), strict=True)
+    return _cut([(found[left], found[right]) for left, right in pairs])
+
+
+def _success(settings: Sequence[Setting], results: Results) -> list[BoolArray]:
+    """Success (R, N) of settings of one task, on their common seeds and starts."""
+    found = results.paired_success([_selection(setting) for setting in settings])
+    shown = []
+    for setting, success in zip(settings, found, strict=True):
+        if success is None:
+            raise NotRunError(f"no results of {setting}")
+        shown.append(success)
+    return shown
+
+
+def _cut(pairs: Sequence[Pair]) -> list[Pair]:
+    """The pairs of several tasks, cut to the fewest seeds and starts among them."""
+    seeds, starts = np.min([left.shape for left, _ in pairs], axis=0)
+    return [(left[:seeds, :starts], right[:seeds, :starts]) for left, right in pairs]
+
+
+def _selection(setting: Setting) -> dict[str, str]:
+    """Returns the values that select a setting's evaluations."""
+    names: Iterable[str] = ("method", "task", "split", "physics", "variant", "controller")
+    return {name: getattr(setting, name) for name in names}
+
+
+def _in_points(found: Estimate) -> Estimate:
+    value, low, high, margin = (
+        100 * one for one in (found.value, found.low, found.high, found.margin)
+    )
+    return found._replace(value=value, low=low, high=high, margin=margin)
