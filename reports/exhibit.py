@@ -93,7 +93,10 @@ class Exhibit:
         """Says what differences the seeds could have shown, by column."""
         known = table.dropna(subset="detectable").drop_duplicates("column")
         if known.empty:
-            return "What difference could have been missed is unknown: these seeds do not show how they vary."
+            return (
+                "What difference could have been missed is unknown: these seeds do not show how"
+                " they vary."
+            )
         points = [f"{self.display(row.column)} {row.detectable:.1f}" for row in known.itertuples()]
         return (
             "Smallest true difference that these seeds find in 80% of studies, of two methods that"
