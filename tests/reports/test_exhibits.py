@@ -48,12 +48,10 @@ class MadeUp(Results):
 
     def __init__(self):
         rng = generator("made up")
-        studies = (get_preset("paper"), get_preset("audit"))
+        studies = (get_preset("audit"), get_preset("paper"))
         cells = [cell for study in studies for cell in cells_of(study, dict.fromkeys(TASKS, "key"))]
         rows = []
-        for cell in {
-            (cell.fit.key, cell.evaluation.key): cell for cell in reversed(cells)
-        }.values():
+        for cell in {(cell.fit.key, cell.evaluation.name): cell for cell in cells}.values():
             counts = {
                 "episodes": cell.episodes,
                 "successes": int(cell.episodes * rate(cell.fit.label)),
