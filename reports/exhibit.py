@@ -141,7 +141,8 @@ class Exhibit:
 
 def footnote_on_single_fits(other: str = "") -> str:
     """Returns the footnote of marked intervals, and of something other that speaks of one seed."""
-    what = f"the interval and the {other} speak" if other else "the interval speaks"
+    interval = "the 95% interval (Wilson's)"
+    what = f"{interval} and the {other} speak" if other else f"{interval} speaks"
     return f"{MARK} One seed: {what} of {ONE_SEED}; dotted where drawn."
 
 

@@ -75,7 +75,7 @@ def test_report_prints_the_success_table_and_with_tables_prints_all(task, smoke,
     assert "numbers mean nothing" in said
     said = bench("report", str(tmp_path), "--tables")[1]
     assert "## Table 1: success of KODex on the validation starts" in said
-    assert "Intervals are 95%" in said
+    assert "95% interval" in said
 
 
 def test_results_of_two_settings_appear_as_two_methods(task, smoke, bench, tmp_path):

@@ -78,7 +78,9 @@ def test_stored_and_repeated_episodes_are_compared_start_by_start(
     """
 
     def episodes(successes):
-        return pd.DataFrame({"success": np.arange(500) < successes, "diverged": False, "steps": 9})
+        start = np.arange(500)
+        success = start < successes
+        return pd.DataFrame({"start": start, "success": success, "diverged": False, "steps": 9})
 
     monkeypatch.setattr(module, "_difference", lambda *arguments: "")
     stored = SimpleNamespace(outcomes=lambda row: episodes(400))

@@ -146,7 +146,7 @@ def test_table_of_one_seed_is_marked_and_says_what_it_speaks_of():
     assert set(table.basis) == {ONE_SEED}
     assert SUCCESS.wide(table).set_index("").Door["KODex"] == "55.0 [51.9, 58.1]† a"
     caption = SUCCESS.caption(table)
-    assert "† One seed: the interval and the letters speak of this fit and this con" in caption
+    assert "† One seed: the 95% interval (Wilson's) and the letters speak of this fit" in caption
     assert "What difference could have been missed is unknown" in caption
     assert "1 seed with 1,000 starts." in caption
 

@@ -48,12 +48,10 @@ class MadeUp(Results):
 
     def __init__(self):
         rng = generator("made up")
-        studies = (get_preset("paper"), get_preset("audit"))
+        studies = (get_preset("audit"), get_preset("paper"))
         cells = [cell for study in studies for cell in cells_of(study, dict.fromkeys(TASKS, "key"))]
         rows = []
-        for cell in {
-            (cell.fit.key, cell.evaluation.key): cell for cell in reversed(cells)
-        }.values():
+        for cell in {(cell.fit.key, cell.evaluation.name): cell for cell in cells}.values():
             counts = {
                 "episodes": cell.episodes,
                 "successes": int(cell.episodes * rate(cell.fit.label)),
@@ -199,7 +197,10 @@ def test_caption_says_what_intervals_speak_of_and_single_seeds_are_marked():
     assert "1 to 10 seeds, each with 200 to 1,000 starts of its own." in caption
     assert "95% intervals over seeds (Student's t)" in caption
     assert "not over experts" in caption
-    assert "† One seed: the interval speaks of this fit and this controller only" in caption
+    assert (
+        "† One seed: the 95% interval (Wilson's) speaks of this fit and this controller only"
+        in caption
+    )
     texts = TABLE_1.wide(mixed).Door.tolist()
     assert texts == ["50.0 [40.0, 70.0]", "60.0 [40.0, 70.0]†"]
     assert "†" not in TABLE_1.caption(table.assign(basis=OVER_SEEDS))

@@ -251,7 +251,7 @@ def test_first_screen_shows_what_was_run_and_the_answer(opened, report, width):
     seen = view.locator("main").inner_text()
     for fact in (NOTE, "my-study", "2026-01-02 to 2026-01-05", "KODex, NN, mine, Expert"):
         assert fact in seen
-    assert last.inner_text().startswith("Door: KODex leads with 95.0%; NN is behind KODex by")
+    assert last.inner_text().startswith("Door: KODex leads with 92.5%; NN is behind KODex by")
 
 
 def test_headings_are_closed_and_a_link_opens_its_target(opened, report):
