@@ -52,7 +52,7 @@ def power_of(study: Study) -> StudyPower | None:
     if not is_packed(SHIPPED):
         return None
     spread = spread_over_seeds(Packed(SHIPPED).frame(), study.tasks)
-    return spread and power_given(study, spread)
+    return power_given(study, spread) if spread else None
 
 
 def power_given(study: Study, spread: Spread) -> StudyPower | None:
