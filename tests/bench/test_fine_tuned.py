@@ -6,7 +6,7 @@ import pytest
 
 from bench import driver
 from bench.backend import Workers
-from bench.controller import ControllerConfig
+from bench.controller import ControllerConfig, train_controllers
 from bench.driver import run
 from bench.experiments import cells_of
 from bench.job_queue import JobQueue
@@ -16,12 +16,12 @@ from bench.missing import find_missing
 from bench.presets import get_preset
 from bench.results import Results
 from bench.study_demos import demos_keys_of
+from bench.training_data import controller_demos
 from bench.verify import stored_cell
 from tasks import demos
 from tasks.files import from_bytes
 
-STILL = ControllerConfig(epochs=2, learning_rate=1e-30)
-"""Steps so small that no weight changes: trained further, the weights remain the original's."""
+SHORT = ControllerConfig(epochs=2)
 
 
 @pytest.fixture
@@ -35,6 +35,8 @@ def study(monkeypatch):
         seeds=(1, 2),
         episodes={"audit": 2},
         variants=("described",),
+        demos=6,
+        controller=SHORT,
     )
 
 
@@ -47,21 +49,25 @@ def fine_tuned(results):
 def test_fine_tuned_controllers_start_from_the_stored_original_of_their_seed(
     task, smoke, study, tmp_path
 ):
-    study = replace(study, controller=STILL, demos=6)
     assert run(study, tmp_path / "run", Workers(1, "sequential")).failed == ()
     results = Results(tmp_path / "run")
     found = fine_tuned(results)
     assert [spec.seed for spec in found] == [1, 2]
     for spec in found:
         own, start = (from_bytes(results.controller_weights(one)) for one in (spec, spec.start))
-        assert all((own[name] == array).all() for name, array in start.items())
+        data, place = [controller_demos(spec)], ("door", [spec.seed])
+        (further,), (anew,) = (
+            train_controllers(SHORT, data, *place, first) for first in ([start], [])
+        )
+        assert all((own[name] == array).all() for name, array in further.items())
+        assert all((own[name] != array).any() for name, array in anew.items())
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_a_fine_tuned_controller_waits_for_the_original_and_fails_with_it(
     task, smoke, study, tmp_path
 ):
-    cells = cells_of(replace(study, demos=6), demos_keys_of(study))
+    cells = cells_of(study, demos_keys_of(study))
     tuned = [c for c in cells if c.controller and c.controller.kind == "fine-tuned"]
     missing = find_missing(Results(tmp_path), [cell.wanted for cell in tuned])
     queue = JobQueue(job for job in jobs_of(tuned, missing) if isinstance(job, ControllerJob))
@@ -75,7 +81,7 @@ def test_a_fine_tuned_controller_waits_for_the_original_and_fails_with_it(
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_merged_results_hold_the_controllers_that_others_start_from(task, smoke, study, tmp_path):
-    study = replace(study, demos=6, seeds=(1,))
+    study = replace(study, seeds=(1,))
     run(study, tmp_path / "one", Workers(1, "sequential"))
     merge([tmp_path / "one"], tmp_path / "merged")
     merged = Results(tmp_path / "merged")
@@ -89,7 +95,6 @@ def test_two_seeds_are_fine_tuned_on_loky(study, tmp_path, monkeypatch):
     monkeypatch.setattr(demos, "VALIDATION", 2)
     monkeypatch.setattr("tasks.recorder.BLOCK", 10)
     monkeypatch.setattr(driver, "TRAINING", 6)
-    study = replace(study, demos=6, controller=replace(STILL, learning_rate=1e-4))
     assert run(study, tmp_path / "run", Workers(2)).failed == ()
     results = Results(tmp_path / "run")
     assert [spec.seed for spec in fine_tuned(results)] == [1, 2]
