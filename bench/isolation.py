@@ -194,7 +194,6 @@ def _adopting_orphans() -> Iterator[None]:
 def _child(there: Connection, place: str, name: str, call: bytes) -> None:
     """Runs the job and sends its result."""
     os.setsid()
-    me = os.getpid()
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     output = os.open(f"{place}/{_PRINTED}", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for source, target in ((os.open(os.devnull, os.O_RDONLY), 0), (output, 1), (output, 2)):
@@ -203,8 +202,6 @@ def _child(there: Connection, place: str, name: str, call: bytes) -> None:
         signal.signal(number, signal.SIG_DFL)
     tempfile.tempdir = place
     result = do_here(name, _pickled, (call,))
-    if os.getpid() != me:  # the job has forked, and this is the copy
-        os._exit(0)
     if isinstance(result, Failure):
         with suppress(Exception):
             sys.stdout.flush()

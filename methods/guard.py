@@ -43,6 +43,8 @@ _GRACE = 3.0
 def guarded(*stream: str | int) -> Iterator[list[str]]:
     """Runs code in an empty folder, on one thread, with seeded global random streams.
 
+    A copy of the process that the code has forked ends here, and restores nothing.
+
     Args:
         stream: seeds the global random streams of random, NumPy and torch, so that a method that
             uses them is repeatable. It names what the code computes.
@@ -52,6 +54,7 @@ def guarded(*stream: str | int) -> Iterator[list[str]]:
         restored, except for threads that still run.
     """
     changed: list[str] = []
+    me = os.getpid()
     before = [part.read() for part in PARTS]
     functions, children = _functions(), _children()
     threads = set(threading.enumerate())
@@ -62,6 +65,8 @@ def guarded(*stream: str | int) -> Iterator[list[str]]:
         try:
             yield changed
         finally:
+            if os.getpid() != me:
+                os._exit(0)
             differ = [part.read() != value for part, value in zip(PARTS, started, strict=True)]
             changed += [part.name for part, differs in zip(PARTS, differ, strict=True) if differs]
             changed += ["the warning filters"] * (warnings.filters != filters)

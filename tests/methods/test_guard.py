@@ -108,3 +108,14 @@ def test_code_runs_in_an_empty_folder_that_is_removed():
         place = os.getcwd()
         open("best.npz", "w").close()
     assert not os.path.exists(place)
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_copy_ends_with_the_block_and_leaves_the_folder():
+    with guarded("forks"):
+        copy = os.fork()
+        if copy:
+            assert os.waitpid(copy, 0)[1] == 0
+            assert os.listdir(os.getcwd()) == []
+    if not copy:
+        os._exit(1)
