@@ -310,9 +310,10 @@ import sys
 from functools import partial
 from bench.backend import Listed, Workers, answers, workers
 from bench.interrupts import Interrupts
-begin = "import pathlib, time; pathlib.Path({!r}, '{}').touch(); time.sleep({})"
+begin = f"import pathlib, time; there = pathlib.Path({sys.argv[2]!r}); (there / 'begun').touch()\\n"
+wait = "while not (there / 'end').exists(): time.sleep(0.01)"
+codes = ["", begin + wait, *["import time; time.sleep(60)"] * 2]
 where = Workers(int(sys.argv[1]))
-codes = [begin.format(sys.argv[2], seconds, seconds) for seconds in (0, 2, 60, 61)]
 calls = [partial(tuple, ("job", exec, (code,))) for code in codes]
 with workers(where), Interrupts() as interrupts:
     for index, answer in answers(Listed(calls), where, interrupts):
@@ -333,14 +334,15 @@ def test_ctrl_c_keeps_results_that_end_soon_and_leaves_no_process(
         start_new_session=True,
     )
     assert running.stdout.readline() == "0\n"
-    while not (tmp_path / "2").exists():
+    while not (tmp_path / "begun").exists():
         assert running.poll() is None
         time.sleep(0.01)
     for _ in range(times):
         os.killpg(running.pid, signal.SIGINT)
         time.sleep(0.5)
+    (tmp_path / "end").touch()
     out, err = running.communicate(timeout=60)
-    # Once: the job of 2 s may end. Twice: nothing may.
+    # After one signal the result of a job that ends soon is kept; after two, none is.
     assert out == ("1\n" if times == 1 else "")
     assert "Stop" in err
     assert "stopping" in err
