@@ -1,4 +1,4 @@
-"""How often intervals cover the truth: ``python -m reports.coverage FOLDER``, some minutes.
+"""How often intervals cover the truth: ``python -m reports.coverage FOLDER``, half an hour.
 
 Writes FOLDER/tables/NAME.md for docs/refresh.py, which puts them into docs/statistics.md.
 """
@@ -14,15 +14,15 @@ from joblib import Parallel, delayed
 from bench.power import detectable_difference, seeds_needed
 from reports.multiple import verdict
 from reports.seed_statistics import Estimate, Rate, difference, rate
-from reports.simulated import SCENARIOS, Scenario, repeated
-from reports.tried_intervals import bootstrap_t, logit_alone, paired_t, welch
+from reports.simulated import SCENARIOS, Scenario, repeated, with_one_controller
+from reports.tried_intervals import bootstrap_t, logit_alone, paired_t, percentile_bootstrap, welch
 from tasks.data import BoolArray, generator
 
 SEEDS = (3, 5, 10)
 STARTS = (1000, 200)
 STUDIES = 2000
-CLAIMED = 300
-"""Studies of the claim."""
+FEWER_STUDIES = 300
+"""Studies of the claim and of the percentile bootstrap, which take longer."""
 CONDITIONS = 32
 """Conditions of the claim, with three contrasts each."""
 RELEVANT = 0.05
@@ -41,6 +41,20 @@ def covered_rates(scenario: Scenario, seeds: int, starts: int, studies: int) -> 
     """Returns the share of simulated studies whose interval covers the true rate of the first."""
     drawn = _drawn(scenario, seeds, starts, studies)
     return _share(_covers(rate(first), scenario.rates[0]) for first, _ in drawn)
+
+
+def covered_by_bootstrap(scenario: Scenario, seeds: int, starts: int, studies: int) -> float:
+    """Returns how often the percentile bootstrap over seeds with one controller covers the truth.
+
+    The truth is the difference over all controllers.
+    """
+    true = scenario.rates[0] - scenario.rates[1]
+    rng = generator("percentile bootstrap", scenario.name, seeds, starts)
+    covered = []
+    for _ in range(studies):
+        low, high = percentile_bootstrap(*with_one_controller(scenario, seeds, starts, rng), rng)
+        covered.append(low <= true <= high)
+    return _share(covered)
 
 
 def contradicted(seeds: int, starts: int, studies: int) -> float:
@@ -108,7 +122,7 @@ def _tried(scenario: Scenario, seeds: int, starts: int, studies: int) -> list[fl
 def claim_table() -> pd.DataFrame:
     """Returns how often the claim is contradicted, by seeds and starts."""
     found = Parallel(n_jobs=-1)(
-        delayed(contradicted)(seeds, starts, CLAIMED) for starts in STARTS for seeds in SEEDS
+        delayed(contradicted)(seeds, starts, FEWER_STUDIES) for starts in STARTS for seeds in SEEDS
     )
     columns = [f"{seeds} x {starts}" for starts in STARTS for seeds in SEEDS]
     shares = [f"{100 * share:.1f}" for share in found]
@@ -144,6 +158,7 @@ def main(folder: Path) -> None:
         "detectable": detectable_table,
         "coverage_differences": lambda: coverage_table(covered_differences),
         "coverage_rates": lambda: coverage_table(covered_rates),
+        "coverage_bootstrap": lambda: coverage_table(covered_by_bootstrap, FEWER_STUDIES),
         "coverage_tried": tried_table,
         "coverage_claim": claim_table,
     }

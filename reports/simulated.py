@@ -67,6 +67,17 @@ def repeated(scenario: Scenario, seeds: int, starts: int, rng: np.random.Generat
     return _episodes(skill + over_seeds * own[1], rng.standard_normal((seeds, starts)), rng)
 
 
+def with_one_controller(
+    scenario: Scenario, seeds: int, starts: int, rng: np.random.Generator
+) -> BoolArray:
+    """Returns success (M, R, N) where all seeds share one controller and all starts."""
+    mean, over_controllers, over_seeds = scenario.skills.T[..., None]
+    luck = rng.standard_normal((len(mean), 1))
+    skill = mean + over_controllers * _shared(luck, rng.standard_normal(1), SHARED_LUCK)
+    by_seed = skill + over_seeds * rng.standard_normal((len(mean), seeds))
+    return _episodes(by_seed, rng.standard_normal((1, starts)), rng)
+
+
 def _episodes(skill: FloatArray, difficulty: FloatArray, rng: np.random.Generator) -> BoolArray:
     """Success (M, R, N) by skill (M, R) from starts whose difficulty is (R, N)."""
     luck = rng.standard_normal((*skill.shape, difficulty.shape[1]))

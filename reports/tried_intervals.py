@@ -1,13 +1,14 @@
 """Intervals of a difference that were tried and are not in use, for `reports.coverage`.
 
-Each takes rates (S, R) of two methods in S studies of R paired seeds, and returns ends (S,).
+All but the percentile bootstrap take rates (S, R) of two methods in S studies of R paired seeds,
+and return ends (S,).
 """
 
 import numpy as np
 from scipy.stats import t
 
 from reports.seed_statistics import PairedSeeds, critical
-from tasks.data import FloatArray, generator
+from tasks.data import BoolArray, FloatArray, generator
 
 Ends = tuple[FloatArray, FloatArray]
 
@@ -45,6 +46,31 @@ def logit_alone(left: FloatArray, right: FloatArray) -> Ends:
     errors = critical(left.shape[1])
     pairs = zip(left, right, strict=True)
     return tuple(np.transpose([PairedSeeds(*pair).logit_ends(errors) for pair in pairs]))
+
+
+def percentile_bootstrap(
+    left: BoolArray, right: BoolArray, rng: np.random.Generator, resamples: int = 2000
+) -> tuple[float, float]:
+    """Returns the ends for one study whose seeds all share one controller and all starts.
+
+    Seeds of each method and starts are drawn with replacement, the same starts for both methods.
+
+    Args:
+        left: (R, N) success of each seed from each start.
+        right: (R, N) likewise of the other method.
+        rng: draws the resamples.
+        resamples: how many.
+    """
+    # Starts of the same outcomes are one: drawing how often each outcome comes up is far cheaper.
+    kinds, counts = np.unique(np.concatenate([left, right]), axis=1, return_counts=True)
+    weights = rng.multinomial(counts.sum(), counts / counts.sum(), size=resamples) / counts.sum()
+    means = []
+    for outcomes in np.split(kinds, 2):
+        rates = weights @ outcomes.T.astype(np.float64)
+        seeds = rng.integers(len(outcomes), size=rates.shape)
+        means.append(np.take_along_axis(rates, seeds, axis=1).mean(axis=1))
+    low, high = np.quantile(means[0] - means[1], [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _error(rates: FloatArray) -> FloatArray:
