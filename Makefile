@@ -33,7 +33,7 @@ results: install ## Write the tables and figures of the shipped results into the
 	$(BIN)/bench report --reference --out build/reference
 	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md
 	$(BIN)/python docs/run_notebook.py docs/explore-results.ipynb
-	cp build/reference/figures/success.png build/reference/figures/efficiency.png docs/images
+	cp build/reference/figures/success.png docs/images
 
 benchmark: install-dev ## Measure speed against peers, half an hour
 	$(BIN)/pytest benchmarks --timeout 0 --benchmark-columns=median,iqr,rounds
