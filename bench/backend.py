@@ -23,6 +23,7 @@ from bench.dask_backend import DaskBackend, dask_client
 from bench.interrupts import Interrupts
 from bench.isolation import Failure, Job, do_apart, do_here, read_answer, start_server
 from tasks.errors import InputError, unknown_name
+from tasks.pins import check_early, check_environment
 from tasks.words import count_of
 
 TRIES = 3
@@ -65,7 +66,12 @@ class Workers:
     """Seconds after which a job is killed and fails. Not enforced in this process."""
 
     def check(self) -> None:
-        """Raises InputError if the backend does not exist or cannot be used."""
+        """Checks that jobs can run there.
+
+        Raises:
+            InputError: the backend does not exist or cannot be used, or its jobs would have other
+                kernels than this process promises, see `tasks.pins`.
+        """
         known = [name for name in {**BACKENDS, **EXTERNAL_BACKENDS} if name not in SHARED_MEMORY]
         if self.backend in SHARED_MEMORY:
             raise InputError(
@@ -76,6 +82,9 @@ class Workers:
             raise unknown_name("backend", self.backend, known)
         if self.scheduler is not None and self.backend != "dask":
             raise InputError(f"--scheduler is for the backend dask, not for {self.backend!r}")
+        check_environment()
+        if self.backend == IN_THIS_PROCESS:
+            check_early()
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from bench import cli_demos, cli_describe, cli_expert, cli_methods, cli_run, cli
 from bench.commands import add_commands
 from bench.options import USAGE_ERROR
 from tasks.errors import InputError
+from tasks.pins import check_environment
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -71,6 +72,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         _check_folder()
+        check_environment()
         _check_arguments(sys.argv[1:])
         app()
     except InputError as error:

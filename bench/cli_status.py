@@ -19,13 +19,15 @@ def status(
 ) -> None:
     """Show the progress of a study and its failures, during a run or after it."""
     from bench.clock import KINDS, counted, headline, running
+    from bench.other_kernels import refusal
     from bench.remarks import remarks
     from bench.results import Results
     from bench.run_state import read_state
 
     results = Results(results_folder(folder))
     counts = progress(results)
-    failures, notes = results.failures(), remarks(results)
+    failures = results.failures()
+    notes = [*remarks(results), *filter(None, [refusal(results)])]
     state = read_state(folder)
     if as_json:
         print(json.dumps(counts | {"failures": failures, "notes": notes, "run": state}))

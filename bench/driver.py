@@ -25,7 +25,7 @@ from bench.study_demos import demos_keys_of
 from methods.registry import introduced
 from tasks.demos import TRAINING
 from tasks.errors import InputError
-from tasks.pins import UNPINNED, pin
+from tasks.pins import UNPINNED, mark, pin
 from tasks.words import count_of
 
 
@@ -66,7 +66,7 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
 
 
 def _say_pins() -> None:
-    if pin().why_not:
+    if mark() == UNPINNED:
         print(
             f"bench: results are marked {UNPINNED} and may differ in their last bits on other"
             f" machines: {pin().why_not}",

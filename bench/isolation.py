@@ -29,6 +29,7 @@ from typing import Any
 import psutil
 
 from tasks.errors import InputError, described, reason_of
+from tasks.pins import check_environment
 
 PRELOADED = ["bench.cli", "bench.driver", "methods.guard", "methods.network", "pandas"]
 SHOWN = 4000
@@ -98,8 +99,10 @@ def apart(job: Job, *arguments: Any) -> Any:
     """Runs a short job in its own process and returns its result.
 
     Raises:
-        InputError: the job fails, or takes longer than `PATIENCE`; the message is the reason.
+        InputError: the job fails, or takes longer than `PATIENCE`; the message is the reason. See
+            also `tasks.pins.check_environment`.
     """
+    check_environment()
     call = dumps((job, arguments))
     found = read_answer(do_apart(f"{job.__name__} {arguments}", call, PATIENCE))
     if isinstance(found, Failure):

@@ -12,6 +12,7 @@ from typing import Any
 from bench.names import MANIFEST
 from bench.sealed_files import DamagedError, check, read_record, reading, seal_record
 from tasks.errors import InputError
+from tasks.pins import MARKS
 
 _LABEL, _KEY = re.compile("[^/\\0]+"), re.compile("[0-9a-f]{64}")
 
@@ -38,6 +39,8 @@ class Wanted:
     """Whether a method is evaluated; the expert is not fitted."""
     start: Name | None = None
     """The controller whose weights the tracking controller starts from; None if it has none."""
+    pins: str = ""
+    """Mark of the kernels that compute it, see `tasks.pins`; empty if the manifest does not say."""
 
     @property
     def place(self) -> tuple[str, str]:
@@ -108,7 +111,9 @@ def _wanted(path: Path, entry: dict[str, Any]) -> Wanted:
         None if entry[part] is None else _name(path, entry[part])
         for part in ("controller", "start")
     )
-    return Wanted(fit, evaluation, entry["episodes"], controller, entry["fitted"], start)
+    pins = entry.get("pins", "")
+    check(pins in ("", *MARKS), path, "the mark of its kernels")
+    return Wanted(fit, evaluation, entry["episodes"], controller, entry["fitted"], start, pins)
 
 
 def _name(path: Path, entry: dict[str, Any]) -> Name:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from bench.results import Results
 from tasks.errors import InputError
-from tasks.pins import mark, pin
+from tasks.pins import SWITCH, UNPINNED, mark, pin
 
 
 def check_kernels(results: Results) -> None:
@@ -14,12 +14,24 @@ def check_kernels(results: Results) -> None:
     Raises:
         InputError: some were not.
     """
-    for found in results.marks() - {mark()}:
-        reason = pin().why_not or "bench doctor shows how"
-        raise InputError(
-            f"{results.folder} holds results of kernels marked {found}, and here they are marked"
-            f" {mark()} ({reason}): choose another folder"
-        )
+    found = refusal(results)
+    if found:
+        raise InputError(found)
+
+
+def refusal(results: Results) -> str:
+    """Returns why `check_kernels` refuses stored results, or an empty text."""
+    found = results.marks()
+    if found <= {mark()}:
+        return ""
+    switch = f", or set {SWITCH}=off" if found == {UNPINNED} else ""
+    return f"{results.folder} holds results of {unlike(found)}: choose another folder{switch}"
+
+
+def unlike(found: Iterable[str]) -> str:
+    """Returns how kernels with some marks differ from those of this process."""
+    reason = pin().why_not and f" ({pin().why_not})"
+    return f"kernels marked {', '.join(sorted(found))}, and here they are marked {mark()}{reason}"
 
 
 def check_alike(marks: Iterable[tuple[Path, Iterable[str]]]) -> None:

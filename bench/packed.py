@@ -28,6 +28,7 @@ from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.source import Source
 from tasks.errors import InputError
+from tasks.pins import UNPINNED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,8 +102,9 @@ class Packed:
         import pandas as pd
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        held_out = frame.get("held_out", 0)  # results of version 0.1 lack it
-        return frame.assign(config=frame.config.map(json.loads), held_out=held_out)
+        # Results of version 0.1 lack these.
+        held_out, pins = frame.get("held_out", 0), frame.get("pins", UNPINNED)
+        return frame.assign(config=frame.config.map(json.loads), held_out=held_out, pins=pins)
 
     @cached_property
     def _provenance(self) -> dict[str, Any]:

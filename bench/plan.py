@@ -30,6 +30,8 @@ from bench.job_queue import Job, JobQueue, finishing_time, name_of
 from bench.jobs import EvaluationJob, FitJob, jobs_of
 from bench.machine import machine_factor, random_demos, warm_up
 from bench.missing import find_missing
+from bench.other_controllers import check_controllers
+from bench.other_kernels import check_kernels
 from bench.presets import Study
 from bench.results import Results
 from bench.spec import Fit
@@ -85,7 +87,11 @@ class Plan:
 
 
 def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
-    """Returns the cost of a study, without the results that its folder already holds."""
+    """Returns the cost of a study, without the results that its folder already holds.
+
+    Raises:
+        InputError: `bench run` would refuse the study or the folder.
+    """
     with introduced() as introduce:
         return _priced(_with_usable_methods(study, introduce), folder, jobs)
 
@@ -93,6 +99,8 @@ def make_plan(study: Study, folder: Path, jobs: int) -> Plan:
 def _priced(study: Study, folder: Path, jobs: int) -> Plan:
     results = Results(folder)
     agenda = make_agenda(study, demos_keys_of(study), results)
+    check_kernels(results)
+    check_controllers(results, agenda.cells)
     queue = queue_of(agenda, results, jobs)
     say("measuring how fast this machine is")
     seconds = _prices(queue.waiting, machine_factor())

@@ -22,6 +22,7 @@ from methods.guard import guarded
 from methods.registry import SUITE
 from tasks.data import Episodes, FloatArray, join_episodes
 from tasks.errors import InputError
+from tasks.pins import pin
 from tasks.registry import get_task
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
 
@@ -96,7 +97,8 @@ def replay(
 ) -> Replay:
     """Simulates stored episodes again and returns them with their motions.
 
-    A method of a package runs in a separate process.
+    A method of a package runs in a separate process; so does every method if this process has other
+    kernels.
 
     Args:
         folder: results folder of `bench run`.
@@ -115,7 +117,7 @@ def replay(
             f" episode of {row['method']}: there are 0 to {row['episodes'] - 1}"
         )
     wanted = [int(start) for start in sorted(starts)]
-    if plain(row["method"]) in (EXPERT, *SUITE):
+    if plain(row["method"]) in (EXPERT, *SUITE) and not pin().late:
         return _replay(folder, row, wanted, whole)
     # The other process may have another working folder.
     found: Replay = apart(_replay, folder.absolute(), row, wanted, whole)

@@ -89,9 +89,20 @@ class Results:
 
     # Fits and controllers
     def marks(self) -> set[str]:
-        """Returns the marks of the kernels that computed the stored fits, see `tasks.pins`."""
-        fits = {wanted.fit for wanted in self.manifest().wanted}
-        return {record["spec"]["pins"] for fit in fits if (record := self._fit(fit))}
+        """Returns the marks of the kernels of requested and stored results, see `tasks.pins`.
+
+        Stored fits and controllers count even if no study requests them.
+
+        Raises:
+            InputError: the manifest is damaged.
+        """
+        asked = {wanted.pins for wanted in self.manifest().wanted if wanted.pins}
+        paths = [
+            *self.folder.glob(f"cells/*/{FIT}"),
+            *self.folder.glob(f"controllers/*/{CONTROLLER}"),
+        ]
+        records = (self._learnt(path.parent, path.name) for path in sorted(paths))
+        return asked | {record["spec"]["pins"] for record in records if record}
 
     def has_fit(self, fit: Named) -> bool:
         """Whether the fit is stored and undamaged."""

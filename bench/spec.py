@@ -65,6 +65,11 @@ class Fit:
         return key("fit", version, values)
 
     @property
+    def of_expert(self) -> bool:
+        """Whether its demonstrations are the expert's, as this installation makes them."""
+        return self.demos_key == demos_key(get_task(self.task), self.pins)
+
+    @property
     def label(self) -> str:
         """A readable name, for folders and messages.
 
@@ -72,8 +77,7 @@ class Fit:
         """
         if self.method == EXPERT:
             return f"{self.task}-{self.method}-s{self.seed}"
-        own = self.demos_key == demos_key(get_task(self.task))
-        origin = "" if own else self.demos_key[:DEMOS_DIGITS]
+        origin = "" if self.of_expert else self.demos_key[:DEMOS_DIGITS]
         parts = [self.task, self.method, self.settings, self.variant, self.size]
         held_out = f"+{self.held_out}" if self.held_out else ""
         parts += [f"n{self.demos}{held_out}", origin, f"s{self.seed}"]
@@ -137,7 +141,7 @@ class Evaluation:
         task = get_task(self.task, self.rule)
         rules = [task.version, task.model_hash, task.steps, CHUNK]
         # The key of the expert's demonstrations includes the version of MuJoCo; a file's does not.
-        if fit.demos_key != demos_key(get_task(self.task)):
+        if not fit.of_expert:
             rules.append(mujoco.__version__)
         return key("evaluation", fit.key, asdict(self), rules)
 
@@ -239,4 +243,5 @@ class Cell:
             Name(controller.label, controller.key) if controller else None,
             fit.method != EXPERT,
             Name(start.label, start.key) if start else None,
+            fit.pins,
         )

@@ -25,6 +25,7 @@ from bench.sealed_files import (
     seal_table,
 )
 from tasks.data import NonFinite
+from tasks.pins import MARKS
 
 if TYPE_CHECKING:
     from bench.spec import Evaluation
@@ -61,6 +62,8 @@ def read_learnt(folder: Path, name: str) -> dict[str, Any]:
     with reading(path):
         check(folder.name.endswith(f"-{record['key'][:KEY_DIGITS]}"), path, "its key")
         check(all(isinstance(record[part], dict) for part in ("spec", "facts")), path, name)
+        for spec in (record["spec"], record["spec"].get("start") or record["spec"]):
+            check(spec.get("pins") in MARKS, path, "the mark of its kernels")
         check({*content_names(record)} <= {WEIGHTS, DIAGNOSTICS}, path, name)
     return record
 

@@ -9,7 +9,7 @@ from bench.spec import VALIDATION, Cell, ControllerSpec, Fit
 from tasks import demos
 from tasks.cache import cache_folder
 from tasks.data import Demos, Starts
-from tasks.demos import demos_key, demos_of
+from tasks.demos import demos_of
 from tasks.experts import load_expert
 from tasks.pins import pin
 from tasks.recorder import record
@@ -85,6 +85,4 @@ def wanted_episodes(cell: Cell) -> int:
 
 def _validation_count(fit: Fit) -> int:
     """The number of validation starts, without recording the expert's demonstrations."""
-    if fit.demos_key == demos_key(get_task(fit.task)):
-        return demos.VALIDATION
-    return len(validation_demos(fit))
+    return demos.VALIDATION if fit.of_expert else len(validation_demos(fit))

@@ -15,15 +15,16 @@ from bench.driver import run_cells
 from bench.intervals import mcnemar
 from bench.labels import plain
 from bench.names import CONDITIONS
+from bench.other_kernels import unlike
 from bench.provenance import same_bits, software
 from bench.results import Results
 from bench.same_bits import episodes_differ, first_difference
 from bench.source import OUTCOMES, Source
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from tasks.data import generator
-from tasks.demos import adopted_path, demos_key
+from tasks.demos import adopted_path
 from tasks.errors import InputError
-from tasks.pins import SWITCH, mark, pin
+from tasks.pins import SWITCH, UNPINNED, mark
 from tasks.registry import get_task
 
 IDENTICAL, ALIKE, APART = "identical", "cannot be told apart", "told apart"
@@ -145,21 +146,20 @@ def stored_fit(row: Mapping[str, Any]) -> Fit:
     """Returns the fit of a row of `Source.frame`.
 
     Raises:
-        InputError: it is from other demonstrations than this installation makes.
+        InputError: it is from other demonstrations than this installation makes, or of kernels
+            that are not those of this process.
     """
     fit = fit_of(row)
-    if fit.pins != mark():
-        raise InputError(
-            f"{fit.label} was computed with kernels {fit.pins}, and here they are {mark()}:"
-            f" {pin().why_not or f'set {SWITCH}=off'}"
-        )
-    task = get_task(fit.task)
-    kept = fit.method != EXPERT and adopted_path(task, fit.demos_key).exists()
-    if fit.demos_key != demos_key(task) and not kept:
+    kept = fit.method != EXPERT and adopted_path(get_task(fit.task), fit.demos_key).exists()
+    if not (fit.of_expert or kept):
         raise InputError(
             f"{fit.label} learnt from other demonstrations than this installation makes: the"
-            " expert, the task or the version of MuJoCo differs"
+            " expert, the task, the version of MuJoCo or the kernels that recorded them differ (its"
+            f" kernels: {fit.pins})"
         )
+    if fit.pins != mark():
+        switch = f": set {SWITCH}=off" if fit.pins == UNPINNED else ""
+        raise InputError(f"{fit.label} is a result of {unlike([fit.pins])}{switch}")
     return fit
 
 

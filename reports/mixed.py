@@ -7,11 +7,12 @@ from pathlib import Path
 import pandas as pd
 
 from bench.labels import plain
-from reports.protocol import DEMOS_OF, OF_EXPERT
+from reports.protocol import DEMOS_OF, KERNELS, OF_EXPERT
 from reports.remarks import Remark
 from reports.style import TASKS, display, ordered
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
+from tasks.pins import OFF, ON, SWITCH, UNPINNED
 
 MARK = "*"
 """Text after the name of a method that was run differently."""
@@ -149,9 +150,17 @@ class MixedProtocols:
         chosen = [name for name, wanted in experiments.items() if wanted.any()]
         names = dict.fromkeys(map(plain, methods))
         return (
-            f"bench run paper --experiments {','.join(chosen)} --tasks {','.join(self.tasks)}"
-            f" --methods {','.join(names)} --out {self.folder}-paper"
+            f"{self._switch()}bench run paper --experiments {','.join(chosen)}"
+            f" --tasks {','.join(self.tasks)} --methods {','.join(names)} --out {self.folder}-paper"
         )
+
+    def _switch(self) -> str:
+        """Returns what before a command gives it the kernels of the shipped results."""
+        marks = self.table[self.table.setting == KERNELS]
+        theirs = marks[marks.method.isin(self.shipped)].value
+        if theirs.empty:
+            return ""
+        return f"{SWITCH}={(OFF if UNPINNED in set(theirs) else ON)[0]} "
 
 
 def _weight(group: Group) -> tuple[bool, int, list[float]]:

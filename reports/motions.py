@@ -93,7 +93,7 @@ def demonstrated_motion(row: Mapping[str, Any], start: int) -> FloatArray:
 
     task = get_task(row["task"])
     here = task.sample("test", start + 1, row["seed"])[start:]
-    if row["method"] == EXPERT or row["demos_key"] == demos_key(task):
+    if row["method"] == EXPERT or row["demos_key"] == demos_key(task, row["pins"]):
         shown = record(task, here, load_expert(task).policy, failures=True)[1]
     else:
         demos = load_adopted(task, row["demos_key"])

@@ -19,10 +19,11 @@ def without_expert(evaluations: pd.DataFrame) -> pd.DataFrame:
     return evaluations[evaluations.method != EXPERT]
 
 
-def demos_of_expert(evaluations: pd.DataFrame) -> dict[str, str]:
-    """Returns the keys of the expert's demonstrations, by task."""
-    experts = evaluations[evaluations.method == EXPERT].drop_duplicates("task")
-    return dict(zip(experts.task, experts.demos_key, strict=True))
+def demos_of_expert(evaluations: pd.DataFrame) -> dict[tuple[str, str], str]:
+    """Returns the keys of the expert's demonstrations, by task and mark of the kernels."""
+    experts = evaluations[evaluations.method == EXPERT]
+    places = zip(experts.task, experts.pins, strict=True)
+    return dict(zip(places, experts.demos_key, strict=True))
 
 
 def keep_common(

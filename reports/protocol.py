@@ -1,9 +1,10 @@
 """Which rows can be compared: those whose methods and controllers were trained alike.
 
 Exhibits and `bench compare` show rows of several methods beside each other. On each task, these
-must have learnt from the same demonstrations, with controllers that were trained alike, and for the
-same share of their own epochs. Methods must have the same seeds, or several in common. The number
-of starts need not agree: exhibits use common ones, see `reports.pairing`.
+must have learnt from the same demonstrations, with controllers that were trained alike, for the
+same share of their own epochs, and with the same kernels. Methods must have the same seeds, or
+several in common. The number of starts need not agree: exhibits use common ones, see
+`reports.pairing`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,9 +22,12 @@ from reports.pairing import FEWEST, common_seeds, demos_of_expert, without_exper
 from tasks.errors import InputError
 
 DEMOS, DEMOS_OF, EPOCHS, SEEDS = "demos", "demos of", "share of epochs", "seeds"
+KERNELS = "kernels"
 """Names of settings."""
 OF_EXPERT = "the expert"
 
+Own = Mapping[tuple[str, str], str]
+"""Keys of the expert's demonstrations, by task and mark of the kernels."""
 Specs = Callable[[str], Mapping[str, Any]]
 """Returns the fields of a controller by key, see `bench.source.Source.controller_spec`."""
 SettingValue = tuple[str, str, str, str]
@@ -43,13 +47,16 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     Returns:
         Columns ``task``, ``method``, ``setting`` and ``value``, as text: each value that a method
         has of a setting that differs within its task. A setting is omitted if it divides the
-        methods as an earlier one does.
+        methods as an earlier one does. Where kernels differ, the origin of demonstrations is
+        omitted, since their keys then differ anyway.
     """
     learnt, own = without_expert(rows), demos_of_expert(rows)
-    found = [*_demonstrations(learnt, own), *_controllers(learnt, specs, own)]
+    found = [*_kernels(learnt), *_demonstrations(learnt, own), *_controllers(learnt, specs, own)]
     found += [*_shares(learnt), *_seeds(learnt)]
     table = pd.DataFrame(found, columns=["task", "method", "setting", "value"]).drop_duplicates()
     table = table[table.groupby(["task", "setting"]).value.transform("nunique") > 1]
+    unlike = table.task.isin(table[table.setting == KERNELS].task)
+    table = table[~(unlike & table.setting.str.endswith(DEMOS_OF))]
     kept: dict[str, set[tuple[str, ...]]] = {}
     for setting, part in table.groupby("setting", sort=False):
         places = set(part[["task", "method", "value"]].itertuples(index=False, name=None))
@@ -58,28 +65,32 @@ def differences(rows: pd.DataFrame, specs: Specs) -> pd.DataFrame:
     return table[table.setting.isin(kept)].reset_index(drop=True)
 
 
-def _demonstrations(learnt: pd.DataFrame, own: Mapping[str, str]) -> Iterator[SettingValue]:
+def _kernels(learnt: pd.DataFrame) -> Iterator[SettingValue]:
+    """Yields the marks of the kernels that computed each method, see `tasks.pins`."""
+    for one in learnt.drop_duplicates(["task", "method", "pins"]).itertuples():
+        yield one.task, one.method, KERNELS, one.pins
+
+
+def _demonstrations(learnt: pd.DataFrame, own: Own) -> Iterator[SettingValue]:
     """Yields the origin of each method's demonstrations, and their number where it is largest.
 
     Args:
         learnt: rows of methods.
-        own: keys of the expert's demonstrations, by task.
+        own: keys of the expert's demonstrations.
     """
     in_all = learnt.assign(in_all=learnt.demos + learnt.held_out)
     most = in_all.groupby(["task", "method", "variant", *CONDITIONS], sort=False).in_all.max()
     for (task, method, *_), count in most.items():
         yield task, method, DEMOS, str(count)
     for one in learnt.drop_duplicates(["task", "method", "demos_key"]).itertuples():
-        yield one.task, one.method, DEMOS_OF, _origin(one.demos_key, own.get(one.task))
+        yield one.task, one.method, DEMOS_OF, _origin(one.demos_key, own.get((one.task, one.pins)))
 
 
 def _origin(demos_key: str, own: str | None) -> str:
     return OF_EXPERT if demos_key == own else demos_key[:8]
 
 
-def _controllers(
-    learnt: pd.DataFrame, specs: Specs, own: Mapping[str, str]
-) -> Iterator[SettingValue]:
+def _controllers(learnt: pd.DataFrame, specs: Specs, own: Own) -> Iterator[SettingValue]:
     """Yields the training settings of controllers, by name. Lost controllers are skipped."""
     specs = cache(specs)
     used = learnt[learnt.controller_key != ""]
@@ -89,7 +100,7 @@ def _controllers(
             spec = specs(one.controller_key)
         except InputError:
             continue
-        origin = _origin(spec["demos_key"], own.get(one.task))
+        origin = _origin(spec["demos_key"], own.get((one.task, one.pins)))
         fields = {**spec["config"], DEMOS: spec["demos"], DEMOS_OF: origin}
         for field, value in fields.items():
             yield one.task, one.method, f"{name} {field.replace('_', ' ')}", str(value)

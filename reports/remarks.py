@@ -40,9 +40,9 @@ def remarks_on_the_expert(frame: pd.DataFrame) -> list[Remark]:
         frame: as `bench.source.Source.frame` returns it.
     """
     own = demos_of_expert(frame)
-    learnt = without_expert(frame[frame.task.isin(own)])
-    others = learnt[learnt.demos_key != learnt.task.map(own)]
-    tasks = ordered(others.task, TASKS)
+    learnt = without_expert(frame)
+    found = zip(learnt.task, learnt.pins, learnt.demos_key, strict=True)
+    tasks = ordered((task for task, pins, key in found if own.get((task, pins), key) != key), TASKS)
     if not tasks:
         return []
     place = ", ".join(map(display, tasks))

@@ -80,8 +80,9 @@ class Trial:
     def differing_settings(self, reference: Results) -> pd.DataFrame:
         """Returns the settings in which the shipped methods differ from the trial.
 
-        The key of the demonstrations covers the task, its version and model, the expert and
-        MuJoCo. The key of the controller covers its training and the demonstrations.
+        The key of the demonstrations covers the task, its version and model, the expert, MuJoCo
+        and the kernels. The key of the controller covers its training, the demonstrations and the
+        kernels. So if kernels differ, keys tell nothing else.
 
         Returns:
             Columns ``setting``, ``here`` and ``shipped``, as text. No rows if nothing differs.
@@ -90,15 +91,18 @@ class Trial:
         if theirs.empty:
             return pd.DataFrame(columns=SETTINGS)
         fit, controller = self.cell.fit, self.cell.controller
-        here = {"number of demonstrations": str(fit.demos), "demonstrations": fit.demos_key}
-        names = {"number of demonstrations": "demos", "demonstrations": "demos_key"}
-        if controller:
-            here["controller"], names["controller"] = controller.key, "controller_key"
-        shipped = {what: sorted(set(theirs[name].astype(str))) for what, name in names.items()}
+        here = [
+            ("number of demonstrations", str(fit.demos), "demos"),
+            ("kernels", fit.pins, "pins"),
+        ]
+        if set(theirs.pins) == {fit.pins}:
+            here.append(("demonstrations", fit.demos_key, "demos_key"))
+            if controller:
+                here.append(("controller", controller.key, "controller_key"))
         rows = [
-            (what, value[:KEY_DIGITS], ", ".join(one[:KEY_DIGITS] for one in shipped[what]))
-            for what, value in here.items()
-            if shipped[what] != [value]
+            (what, value[:KEY_DIGITS], ", ".join(one[:KEY_DIGITS] for one in shipped))
+            for what, value, name in here
+            if (shipped := sorted(set(theirs[name].astype(str)))) != [value]
         ]
         if rows:
             made = {reference.source.facts(one)["versions"]["mujoco"] for one in theirs.folder}

@@ -22,7 +22,7 @@ from tasks.demos_files import (
 )
 from tasks.errors import InputError
 from tasks.experts import load_expert
-from tasks.pins import mark, pin
+from tasks.pins import check_environment, mark, pin
 from tasks.recorder import make_demos
 from tasks.words import count_of
 
@@ -40,10 +40,14 @@ load_demos(get_task(sys.argv[1]), int(sys.argv[2]))
 """A program that records in a process of its own, whose kernels are pinned."""
 
 
-def demos_key(task: Task) -> str:
+def demos_key(task: Task, pins: str | None = None) -> str:
     """Returns the key of the expert's demonstrations of a task, which all seeds share.
 
     The key and a seed identify a block of demonstrations.
+
+    Args:
+        task: the task.
+        pins: mark of the kernels that record them, see `tasks.pins`. Default: this process's.
     """
     return key(
         "demos",
@@ -53,7 +57,7 @@ def demos_key(task: Task) -> str:
         task.model_hash,
         load_expert(task).card["weights_sha256"],
         mujoco.__version__,
-        mark(),
+        mark() if pins is None else pins,
         TRAINING + VALIDATION,
     )
 
@@ -74,8 +78,9 @@ def load_demos(task: Task, seed: int = 1) -> Demos:
     They are recorded if the cache lacks them, or if their SHA-256 is not the noted one.
 
     Raises:
-        InputError: the cache cannot be written to.
+        InputError: the cache cannot be written to; see also `tasks.pins.check_environment`.
     """
+    check_environment()
     path = demos_path(task, seed)
     data = sound_content(path)
     if data is None:

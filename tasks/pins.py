@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import InputError, unknown_name
 
 PINS = {
     "OPENBLAS_CORETYPE": "Haswell",
@@ -26,8 +26,10 @@ PINS = {
 }
 """Environment variables, each with the value that every process gets."""
 SWITCH = "BENCH_PINS"
-"""Environment variable that switches pinning off."""
-PINNED, UNPINNED = "x86-64-v3", "unpinned"
+"""Environment variable that switches pinning on, as it is by default, or off."""
+ON, OFF = ("on", "1", "yes", "true"), ("off", "0", "no", "false")
+"""Its values; an empty one is as none."""
+MARKS = PINNED, UNPINNED = "x86-64-v3", "unpinned"
 """The marks of results. They are part of every key, so that the two are never mixed."""
 NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe", "abm")
 """What a processor must have, as /proc/cpuinfo calls it."""
@@ -63,13 +65,37 @@ def mark() -> str:
     return UNPINNED if pin().why_not else PINNED
 
 
-def check_mark(expected: str) -> None:
-    """Raises InputError unless this very process computes what has that mark."""
+def check_environment() -> None:
+    """Checks that a process started now gets the mark of this one.
+
+    Raises:
+        InputError: the environment has changed since this process chose its kernels, or `SWITCH`
+            has an unknown value.
+    """
+    if _switch() not in (*ON, *OFF):
+        raise unknown_name(f"value of {SWITCH}", os.environ[SWITCH], (*ON, *OFF))
+    then, now = pin().why_not, why_not()
+    lost = [] if then else [name for name in PINS if not os.environ.get(name)]
+    if now != then or lost:
+        found = now or (f"{', '.join(lost)} is no longer set" if lost else f"no longer: {then}")
+        raise InputError(
+            "kernels were chosen when kodex-bench was imported, and the environment has changed"
+            f" since ({found}): set environment variables before the import"
+        )
+
+
+def check_early() -> None:
+    """Raises InputError if this process has other kernels than those that it starts."""
     if pin().late:
         raise InputError(
             "NumPy or torch was loaded before kodex-bench, and chose its kernels by the processor:"
             " import bench first, or use another backend than sequential"
         )
+
+
+def check_mark(expected: str) -> None:
+    """Raises InputError unless this very process computes what has that mark."""
+    check_early()
     if mark() != expected:
         here = pin().why_not or "kernels are pinned"
         raise InputError(f"results marked {expected} cannot be computed here: {here}")
@@ -79,9 +105,13 @@ def _set() -> bool:
     return PINS.items() <= os.environ.items()
 
 
+def _switch() -> str:
+    return os.environ.get(SWITCH, "").strip().lower() or ON[0]
+
+
 def why_not() -> str:
     """Returns why kernels cannot be pinned here, or an empty text."""
-    if os.environ.get(SWITCH, "").lower() in ("off", "0", "no", "false"):
+    if _switch() in OFF:
         return f"{SWITCH} switches it off"
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return "only x86-64 processors under Linux are pinned"
@@ -89,9 +119,9 @@ def why_not() -> str:
     if lacking:
         return f"this processor lacks {', '.join(lacking)}"
     for name, value in PINS.items():
-        if os.environ.get(name, value) != value:
+        if (os.environ.get(name) or value) != value:
             return f"{name} is {os.environ[name]}, not {value}: unset it"
-    if "NPY_DISABLE_CPU_FEATURES" in os.environ:
+    if os.environ.get("NPY_DISABLE_CPU_FEATURES"):
         return "NPY_DISABLE_CPU_FEATURES is set: unset it"
     tunables = re.split("[=,:]", os.environ.get("GLIBC_TUNABLES", "").upper())
     if _MASKS & {name.removesuffix("_USABLE") for name in tunables}:

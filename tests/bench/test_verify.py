@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,10 @@ import pytest
 from statsmodels.stats.contingency_tables import mcnemar
 
 from bench import verify as module
+from tasks.demos import demos_key
+from tasks.errors import InputError
+from tasks.pins import PINNED, UNPINNED, mark
+from tasks.registry import get_task
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -31,7 +36,7 @@ def test_verify_names_bits_that_differ(task, smoke, bench, tmp_path, monkeypatch
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
-    assert "different bits: door-expert eval-ood-nominal-none-appendix: 13 of 20 stored" in said
+    assert "different bits: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored" in said
     assert "success of episode 1 is True in one, False in the other" in said
 
 
@@ -45,18 +50,34 @@ def test_verify_judges_results_of_other_software_by_their_success(
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
     assert (
-        "\ntold apart: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag" in said
+        "told apart: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag" in said
     )
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_results_from_other_demonstrations_are_refused(task, smoke, bench, tmp_path, monkeypatch):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
-    monkeypatch.setattr(module, "demos_key", lambda task: "other")
+    monkeypatch.setattr("bench.spec.demos_key", lambda task, pins: "other")
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "empty"))
     code, _, error = bench("verify", str(tmp_path), "--jobs", "1")
     assert code == 2
     assert "learnt from other demonstrations" in error
+    assert f"(its kernels: {mark()})" in error
+
+
+def test_results_of_other_kernels_are_refused_with_the_way_out_if_there_is_one(
+    stored, monkeypatch, tmp_path
+):
+    monkeypatch.setattr("bench.other_kernels.mark", lambda: PINNED)
+    monkeypatch.setattr(module, "mark", lambda: PINNED)
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path))
+    lost = asdict(stored.fit) | {"pins": UNPINNED}
+    with pytest.raises(InputError, match=r"learnt from other .* \(its kernels: unpinned\)"):
+        module.stored_fit(lost)
+    repeatable = lost | {"demos_key": demos_key(get_task("door"), UNPINNED)}
+    label = "door-kodex-described-single-n10-s1"
+    with pytest.raises(InputError, match=f"^{label} is .* kernels marked unpinned.*: set BENCH_PI"):
+        module.stored_fit(repeatable)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ class Rates(Results):
 
     def __init__(self, percents=PERCENTS, seeds=5):
         same = {"task": "door", "variant": "described", "size": "one", "demos": 200}
-        same |= {"held_out": 0, "demos_key": "k", "controller_key": "", "config": {}}
+        same |= {"held_out": 0, "demos_key": "k", "pins": "p", "controller_key": "", "config": {}}
         same |= {"episodes": 1000, "physics": "nominal", "rule": "appendix", "split": "test"}
         self.frame = pd.DataFrame(
             {**same, "method": method, "seed": seed, "folder": f"{method}-{seed}"}

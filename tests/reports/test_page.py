@@ -64,7 +64,7 @@ class Few(Results):
         places = ({"split": split} for split in ("validation", "test", "ood"))
         same = {
             **{"task": "door", "variant": "described", "size": "single", "demos": 200},
-            **{"held_out": 0},
+            **{"held_out": 0, "pins": "p"},
             **{"physics": "nominal", "rule": "appendix", "controller_key": "", "demos_key": "k"},
             **{"config": {}, "episodes": 200, "diverged": 0, "fit_seconds": 2.0},
         }

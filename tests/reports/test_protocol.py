@@ -12,7 +12,9 @@ from bench.presets import get_preset
 from methods import registry
 from reports.mixed import SHIPPED, MixedProtocols
 from reports.protocol import differences
+from reports.remarks import remarks_on_the_expert
 from reports.results import Results
+from tasks.pins import PINNED, UNPINNED
 
 CONTROLLERS = {}
 """Fields of the controllers that `rows` has met, by key."""
@@ -67,6 +69,23 @@ def test_smoke_run_cannot_be_compared_with_the_shipped_results():
         "get comparable rows: bench run paper --experiments success --tasks door"
         " --methods kodex,nn --out results/mine-paper",
     ]
+
+
+@pytest.mark.parametrize(("theirs", "switch"), [(UNPINNED, "off"), (PINNED, "on")])
+def test_error_says_that_kernels_differ_and_not_what_they_recorded(theirs, switch):
+    mine = {PINNED: UNPINNED, UNPINNED: PINNED}[theirs]
+    own = rows("paper", methods=("kodex",), expert=True, episodes={"success": 20})
+    shipped = rows("paper", "other", methods=("nn",), episodes={"success": 20})
+    shipped = shipped[shipped.method == "nn"].assign(pins=theirs)
+    message = refusal(own.assign(pins=mine), shipped, shipped=("nn",))
+    first, heads, *settings, mixed, command = message.splitlines()
+    assert first == "results/mine and the shipped results cannot be compared on door"
+    assert heads.split() == ["results/mine", "shipped"]
+    assert [line.split() for line in settings] == [["kernels", mine, theirs]]
+    assert mixed == "to show them nevertheless, give --mixed"
+    assert f"rows: BENCH_PINS={switch} bench run paper" in command
+    together = pd.concat([own.assign(pins=mine), shipped], ignore_index=True)
+    assert remarks_on_the_expert(together) == []
 
 
 def test_error_names_two_methods_of_one_folder():

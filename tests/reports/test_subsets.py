@@ -65,6 +65,7 @@ def rows_of(name):
                         "held_out": 0,
                         "seed": seed,
                         "demos_key": "key",
+                        "pins": "p",
                         "folder": label,
                     }
                     yield from ({**fit, **asdict(place)} for place in places)

@@ -19,6 +19,7 @@ from methods.kodex import Kodex
 from reports.results import Results
 from reports.trial import Trial
 from tasks.data import generator
+from tasks.pins import mark
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
@@ -126,13 +127,27 @@ def test_shipped_methods_run_differently_are_omitted_and_the_differences_named(
     assert "NN" not in said
 
 
-def test_differing_demonstrations_and_mujoco_are_named(bench, paper, monkeypatch):
+def test_differing_kernels_are_named_and_not_the_keys_that_cover_them(bench, reference, tmp_path):
+    reference()
+    path = tmp_path / "small/evaluations.parquet"
+    theirs = pd.read_parquet(path).assign(pins="other", demos_key="other", controller_key="other")
+    theirs.to_parquet(path)
+    found = tried(bench, "--episodes", "4")
+    assert found["shipped"] == []
+    assert found["unlike"] == [{"setting": "kernels", "here": mark(), "shipped": "other"}]
+
+
+def test_differing_demonstrations_and_mujoco_are_named(bench, reference, monkeypatch, tmp_path):
+    reference(demos=5)
+    path = tmp_path / "small/evaluations.parquet"
+    pd.read_parquet(path).assign(demos_key="other").to_parquet(path)
     monkeypatch.setattr("reports.trial.version", lambda package: "3.0")
     found = tried(bench, "--episodes", "4")
     assert found["shipped"] == []
     rows = {row["setting"]: (row["here"], row["shipped"]) for row in found["unlike"]}
     assert set(rows) == {"number of demonstrations", "demonstrations", "controller", "MuJoCo"}
-    assert rows["number of demonstrations"] == ("6", "200")
+    assert rows["number of demonstrations"] == ("6", "5")
+    assert rows["demonstrations"][1] == "other"
     assert rows["MuJoCo"][0] == "3.0"
 
 

@@ -9,7 +9,7 @@ import pytest
 from bench.fits import fits_of
 from bench.presets import PRESETS
 from tasks import pins
-from tasks.demos import load_demos
+from tasks.demos import demos_key, load_demos
 from tasks.errors import InputError
 from tasks.pins import PINS, SWITCH
 from tasks.registry import get_task
@@ -45,11 +45,49 @@ def test_each_package_pins_before_numpy_is_loaded(state, package):
     assert not found["loaded"]
 
 
-def test_pinning_can_be_switched_off(state):
-    found = state(**{SWITCH: "off"})
+@pytest.mark.parametrize("value", ["off", " Off ", "0"])
+def test_pinning_can_be_switched_off(state, value):
+    found = state(**{SWITCH: value})
     assert found["mark"] == "unpinned"
     assert found["why_not"] == "BENCH_PINS switches it off"
     assert set(found["set"].values()) == {None}
+
+
+def test_an_empty_variable_is_as_one_that_is_not_set(state):
+    empty = dict.fromkeys((SWITCH, "NPY_DISABLE_CPU_FEATURES", "ONEDNN_MAX_CPU_ISA"), "")
+    found = state(**empty)
+    assert (found["mark"], found["set"]) == ("x86-64-v3", PINS)
+
+
+@pytest.mark.parametrize("value", ["disabled", "offf"])
+def test_an_unknown_value_of_the_switch_is_refused(value, monkeypatch, bench):
+    monkeypatch.setenv(SWITCH, value)
+    answer = f"unknown value of BENCH_PINS '{value}': choose from on, 1, yes, true, off, 0"
+    with pytest.raises(InputError, match=answer):
+        load_demos(get_task("door"))
+    code, said, error = bench("list")
+    assert (code, said) == (2, "")
+    assert answer in error
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ((SWITCH, "off"), "BENCH_PINS switches it off"),
+        (("MKL_CBWR", "AVX2"), "MKL_CBWR is AVX2, not COMPATIBLE: unset it"),
+        (("MKL_CBWR", ""), "MKL_CBWR is no longer set"),
+    ],
+)
+def test_a_change_of_the_environment_after_the_import_is_refused(change, reason, monkeypatch):
+    pins.check_environment()
+    monkeypatch.setenv(*change)
+    answer = rf"environment has changed since \({reason}\): set .* before the import"
+    with pytest.raises(InputError, match=answer):
+        pins.check_environment()
+    monkeypatch.undo()
+    monkeypatch.setattr(pins, "pin", lambda: pins.State("BENCH_PINS switches it off", late=False))
+    with pytest.raises(InputError, match=r"\(no longer: BENCH_PINS switches it off\)"):
+        pins.check_environment()
 
 
 def test_a_variable_that_the_user_has_set_is_kept_and_named(state):
@@ -96,6 +134,13 @@ def test_unpinned_fits_have_other_keys():
     changed = replace(fit, pins="unpinned")
     assert fit.pins == "x86-64-v3"
     assert changed.key != fit.key
+
+
+def test_a_label_does_not_name_demonstrations_of_the_expert_whatever_the_kernels():
+    (fit,) = fits_of(PRESETS["smoke"], "door", "kodex", "single")
+    key = demos_key(get_task("door"), "unpinned")
+    assert key != fit.demos_key
+    assert replace(fit, pins="unpinned", demos_key=key).label == fit.label
 
 
 @pytest.mark.long
