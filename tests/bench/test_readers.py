@@ -16,7 +16,7 @@ from bench.results_writer import writing
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
-RUN = ("run", "smoke", "--methods", "kodex,nn", "--seeds", "1,2", "--episodes", "3")
+RUN = ("run", "smoke", "--methods", "kodex,nn", "--seeds", "3", "--episodes", "3")
 RUN += ("--set", "nn.epochs=1", "--jobs", "1", "--out")
 
 
@@ -30,22 +30,26 @@ def cut(content):
 
 
 # A damaged file, how it is damaged, and what is set aside because of it.
-EPISODES = ("cells/door-kodex-*/eval-ood-*", flip, "eval-ood-nominal-original-appendix.parquet")
-WEIGHTS = ("cells/door-nn-*-s1-*/weights.safetensors", cut, "-s1-")
-TIMES = ("cells/door-kodex-*/times.json", flip, "times.json")
+EPISODES = (
+    "cells/door-kodex-*-s1-*/eval-ood-*",
+    flip,
+    "eval-ood-nominal-original-appendix.parquet",
+)
+WEIGHTS = ("cells/door-nn-*-s1-*/weights.safetensors", cut, "door-nn-\\S*-s1-")
+TIMES = ("cells/door-kodex-*-s1-*/times.json", flip, "times.json")
 FAILURE = ("failures/*.json", cut, "failures/")
-CONTROLLER = ("controllers/*/controller.json", flip, "door-original-nominal-")
+CONTROLLER = ("controllers/*-s1-*/controller.json", flip, "door-original-nominal-s1-")
 DAMAGES = (EPISODES, WEIGHTS, TIMES, FAILURE, CONTROLLER)
 
 
 @pytest.fixture
 def folder(task, smoke, bench, tmp_path):
-    """Results of KODex and of two seeds of NN."""
+    """Results of KODex and NN with three seeds; one damaged leaves two to compare."""
     out = tmp_path / "results"
     assert bench(*RUN, str(out))[0] == 0
     with writing(out) as writer:
-        rows = writer.results.frame()
-        writer.add_times(rows[rows.method == "kodex"].folder.iloc[0], [1.0])
+        rows = writer.results.frame().query("method == 'kodex' and seed == 1")
+        writer.add_times(rows.folder.iloc[0], [1.0])
         writer.add_failure("a method", "reason", "traceback")
     return out
 
@@ -123,17 +127,17 @@ def test_commands_read_damaged_results_without_changing_them(
     plan = json.loads(read.command("plan", *RUN[1:], place, "--json", names=(EPISODES, WEIGHTS)))
     assert (plan["missing_fits"], plan["missing_evaluations"]) == (1, 4)
     status = json.loads(read.command("status", place, "--json", names=(EPISODES, WEIGHTS, FAILURE)))
-    assert (status["fits_done"], status["fits"]) == (2, 3)
-    assert (status["evaluations_done"], status["evaluations"]) == (5, 9)
+    assert (status["fits_done"], status["fits"]) == (5, 6)
+    assert (status["evaluations_done"], status["evaluations"]) == (14, 18)
     assert status["failures"] == []
     read.command("compare", place, "--methods", "kodex,nn", names=rows)
     read.command("verify", place, "--cells", "2", "--jobs", "1", names=rows)
     read.command("merge", place, "--out", str(tmp_path / "merged"), names=rows)
     read.command("pack", place, "--out", str(tmp_path / "packed"), names=rows)
     read.command("failures", place, "--method", "kodex", "--out", out, names=rows)
-    assert len(read.call(lambda: suite.load(folder), names=rows)) == (2 + 3) + (2 + 3 + 3)
+    assert len(read.call(lambda: suite.load(folder), names=rows)) == (2 + 3) + 4 * (2 + 3 + 3)
     opened = suite.open(folder)
-    assert len(read.call(lambda: opened.frame, names=rows)) == 5
+    assert len(read.call(lambda: opened.frame, names=rows)) == 14
     assert set(read.call(lambda: list(opened.methods("door", seed=2)))) == {"kodex", "nn"}
     assert len(read.call(lambda: opened.failures("door", "kodex"))) > 0
     said = bench(*RUN, place)[2]
@@ -154,8 +158,8 @@ def test_a_damaged_controller_is_named_and_left_until_the_next_run(
     sound, place = files_of(folder), str(folder)
     read.damage(CONTROLLER)
     assert "missing: 0 controllers" in read.command("plan", *RUN[1:], place, names=[CONTROLLER])
-    assert "controllers: 0 of 1 done" in read.command("status", place, names=[CONTROLLER])
-    read.command("verify", place, "--cells", "9", "--jobs", "1", code=2, names=[CONTROLLER])
+    assert "controllers: 2 of 3 done" in read.command("status", place, names=[CONTROLLER])
+    read.command("verify", place, "--cells", "18", "--jobs", "1", code=2, names=[CONTROLLER])
     read.command("merge", place, "--out", str(tmp_path / "merged"), names=[CONTROLLER])
     read.command("report", place, "--out", str(tmp_path / "out"), code=3, names=[CONTROLLER])
     assert "set aside as" in bench(*RUN, place)[2]

@@ -42,9 +42,10 @@ def test_the_report_has_table_1_with_interval_n_and_the_published_value(
     assert "| KODex  |" in said
     folder = tmp_path / "report"
     header, row = (folder / "tables/table_1.csv").read_text().splitlines()
-    assert header.startswith("row,column,value,spread,low,high,seeds,n,diverged,published,")
+    assert header.startswith("row,column,value,spread,low,high,basis,seeds,n,diverged,published,")
     assert row.split(",")[:2] == ["kodex", "door"]
-    assert row.split(",")[6:10] == ["1", "2", "0", "96.0"]
+    basis = "this fit and this controller only"
+    assert row.split(",")[6:11] == [basis, "1", "2", "0", "96.0"]
     assert r"\toprule" in (folder / "tables/table_1.tex").read_text()
     for ending in ("png", "pdf", "svg"):
         assert (folder / f"figures/table_1.{ending}").stat().st_size > 1000

@@ -49,9 +49,8 @@ def test_verify_judges_results_of_other_software_by_their_success(
     monkeypatch.setattr(type(task), "success", lambda self, r: r[:, -1] > 1e9)
     code, said, _ = bench("verify", str(tmp_path), "--cells", "9", "--jobs", "1")
     assert code == 3
-    assert (
-        "told apart: door-expert-s1 eval-ood-nominal-none-appendix: 13 of 20 stored, 0 ag" in said
-    )
+    found = [line for line in said.splitlines() if line.startswith("told apart: door-expert-s1")]
+    assert "eval-ood-nominal-none-appendix: 13 of 20 stored, 0 again" in found[0]
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)

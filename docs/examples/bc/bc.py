@@ -28,6 +28,7 @@ class BC(ActionMethod):
     summary = "behaviour cloning, state to action"
     sizes = {"small": BCConfig(hidden=(64, 64)), "large": BCConfig(hidden=(256, 256))}
     default_size = {}
+    validates = True
 
     _arrays = None
 
@@ -48,7 +49,7 @@ class BC(ActionMethod):
         (trained,) = minimise(
             draw=lambda rng: mlp_weights(rng, "layer", widths),
             loss=loss,
-            data=pairs(demos),
+            data=[pairs(demos)],
             schedule=self.config,
             name=self.name,
             seeds=[seed],
