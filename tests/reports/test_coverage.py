@@ -3,6 +3,7 @@ import pytest
 
 from reports.coverage import (
     contradicted,
+    covered_by_bootstrap,
     covered_differences,
     covered_rates,
 )
@@ -32,6 +33,10 @@ def test_a_seed_that_varies_by_16_points_is_covered_where_the_plain_t_misses():
         missed.append(abs(gaps.mean()) > 2.776 * gaps.std(ddof=1) / np.sqrt(5))
     assert np.mean(missed) > 0.08
     assert covered_differences(wide, 5, 200, 400) >= 0.92
+
+
+def test_a_bootstrap_over_seeds_that_share_a_controller_misses_the_truth_over_controllers():
+    assert covered_by_bootstrap(MIDDLE, 5, 200, 40) <= 0.85
 
 
 def test_a_claim_whose_differences_are_all_zero_is_seldom_contradicted():
