@@ -52,7 +52,8 @@ def covered_by_bootstrap(scenario: Scenario, seeds: int, starts: int, studies: i
     rng = generator("percentile bootstrap", scenario.name, seeds, starts)
     covered = []
     for _ in range(studies):
-        low, high = percentile_bootstrap(*with_one_controller(scenario, seeds, starts, rng), rng)
+        left, right = with_one_controller(scenario, seeds, starts, rng)
+        low, high = percentile_bootstrap(left, right, rng)
         covered.append(low <= true <= high)
     return _share(covered)
 
