@@ -56,7 +56,6 @@ SCENARIOS = (
     Scenario("99 and 100", (0.99, 1.0), (0.02, 0.0), (0.0, 0.0)),
     Scenario("99.9 and 99.9", (0.999, 0.999), (0.001, 0.001), (0.0, 0.0)),
 )
-BY_NAME = {scenario.name: scenario for scenario in SCENARIOS}
 
 
 def repeated(scenario: Scenario, seeds: int, starts: int, rng: np.random.Generator) -> BoolArray:

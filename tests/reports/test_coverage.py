@@ -7,9 +7,10 @@ from reports.coverage import (
     covered_differences,
     covered_rates,
 )
-from reports.simulated import BY_NAME, Scenario, repeated
+from reports.simulated import SCENARIOS, Scenario, repeated
 from tasks.data import generator
 
+BY_NAME = {scenario.name: scenario for scenario in SCENARIOS}
 MIDDLE = BY_NAME["85 and 85"]
 
 
