@@ -10,7 +10,7 @@ from matplotlib.ticker import MultipleLocator
 from reports.exhibit import Exhibit
 from reports.pairing import keep_common
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, dashes, display, ordered
+from reports.style import METHODS, TASKS, colour, dashes, display, marker, ordered
 from reports.tables import in_order, table_of
 from tasks.data import CONTROL_STEP, FloatArray
 
@@ -92,6 +92,9 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
                 color=shade,
                 ls=dashes(method, methods),
                 lw=1.8,
+                marker=marker(method, methods),
+                markevery=(0.04, 0.17),
+                ms=4,
                 label=exhibit.display(method),
             )
         axes.set(title=display(task), xlabel="time [s]", ylim=(-2, 104), xlim=(0, None))
