@@ -14,6 +14,8 @@ from reports.tables import table_of
 ERROR = "imitation error [rad, m]"
 SUCCESS = "success [%]"
 PANELS = (ERROR, SUCCESS)
+SPACING = 0.08
+"""Distance of the tasks' points of one set, so that their intervals do not cover each other."""
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -44,12 +46,13 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns a panel for each quantity, with the sets along the axis and a line for each task."""
     drawing = Figure(figsize=(6.4, 3.2))
     parts = table.row.str.split(": ", n=1, expand=True)
+    tasks, sets = table.column.drop_duplicates().tolist(), parts[0].drop_duplicates().tolist()
     for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
-        tasks = table.column.drop_duplicates().tolist()
         for place, task in enumerate(tasks):
             chosen = table[(parts[1] == quantity) & (table.column == task)]
+            beside = SPACING * (place - (len(tasks) - 1) / 2)
             drawn = axes.errorbar(
-                parts[0][chosen.index],
+                parts[0][chosen.index].map(sets.index) + beside,
                 chosen.value,
                 errors_of(chosen),
                 marker="o^sD"[place],
@@ -59,6 +62,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
             )
             dot_single_fits(drawn, chosen)
         axes.set(ylabel=quantity, ylim=(0, 1.08 * axes.get_ylim()[1]))
+        axes.set(xticks=range(len(sets)), xticklabels=sets, xlim=(-0.5, len(sets) - 0.5))
     add_legend(drawing, exhibit)
     return drawing
 
