@@ -5,12 +5,16 @@ solution over all pairs of successive states in the demonstrations (appendix (9)
 
     A = 1/M sum phi(x(t+1)) phi(x(t))^T,    G = 1/M sum phi(x(t)) phi(x(t))^T.
 
+With the pairs as rows of Z and Z', this is K = (pinv(Z) Z')^T. `solve_koopman` takes pinv(Z) from
+an orthogonal decomposition of Z. To form G first would square the condition number, and leave
+directions of Z to rounding.
+
 Nothing in it is random: the seed decides only which demonstrations it learns from.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -18,6 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from methods.base import MotionMethod, NotFittedError, Parameters
 from methods.lifting import get_observables, lift
+from methods.scale import Scale
 from tasks.data import Demos, FloatArray, Layout, real
 from tasks.errors import InputError
 
@@ -33,8 +38,14 @@ class KodexConfig:
     observables: int | str = 3
     """Number of a set of appendix J, or the import path ``"package.module:name"`` of a function."""
     cutoff: float = 1.0
-    """Multiple of p eps, relative to the largest singular value of G, below which pinv(G) treats
-    singular values as zero."""
+    """Multiple of p eps, relative to the largest, below which a singular value of the lifted states
+    counts as zero."""
+    standardise: bool = False
+    """Whether states are scaled to mean 0 and standard deviation 1 before they are lifted."""
+    constant: bool = False
+    """Whether 1 is one more observable, so that the lifted state can move by an offset."""
+    normal_equations: bool = False
+    """Whether K comes from G, as in the published code; `cutoff` then speaks of G."""
 
     def __post_init__(self) -> None:
         if not self.cutoff >= 0:
@@ -59,16 +70,19 @@ class Kodex(MotionMethod):
         "set_1": {"observables": 1},
         "set_2": {"observables": 2},
         "set_4": {"observables": 4},
-        "cutoff_tenfold": {"cutoff": 10.0},
-        "cutoff_tenth": {"cutoff": 0.1},
+        "constant": {"constant": True},
+        "standardised": {"standardise": True},
+        "standardised_constant": {"standardise": True, "constant": True},
+        "published": {"normal_equations": True},
     }
 
     def __init__(self, config: KodexConfig, layout: Layout) -> None:
         super().__init__(config, layout)
         self._observables = get_observables(config.observables)
         self._koopman: FloatArray | None = None
+        self._scale = Scale(np.zeros(layout.state_dim), np.ones(layout.state_dim))
         self._readouts: FloatArray | None = None
-        self._residuals: FloatArray | None = None
+        self._of_fit: Parameters = {}
 
     @property
     def koopman(self) -> FloatArray:
@@ -83,45 +97,49 @@ class Kodex(MotionMethod):
 
     def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
         """Solves for K. Validation demonstrations and seed have no effect."""
+        self._scale = Scale.of(demos.states, self.config.standardise)
         lifted = self._lift(demos.states)
         before, after = (_flat(lifted[:, rows]) for rows in (slice(None, -1), slice(1, None)))
-        # G has no clear gap between signal and noise, so K depends on the order of summation. One
-        # thread gives the same order everywhere.
+        solve = solve_normal_equations if self.config.normal_equations else solve_koopman
+        # On one thread sums have the same order everywhere.
         with threadpool_limits(1, "blas"):
-            koopman = solve_koopman(before, after, self.config.cutoff)
+            solution = solve(before, after, self.config.cutoff)
             states = slice(0, self.layout.state_dim)
-            errors = np.abs(before @ koopman[states].T - after[:, states])
-        self.load({"koopman": koopman})
-        self._residuals = errors.mean(axis=0)
+            errors = np.abs(before @ solution.koopman[states].T - after[:, states])
+        self._koopman, self._readouts = solution.koopman, None
+        self._of_fit = {
+            "one_step_residuals": errors.mean(axis=0) * self._scale.state_scale,
+            "singular_values": solution.singular_values,
+        }
 
     def parameters(self) -> Parameters:
-        """Returns K."""
-        return {"koopman": self.koopman}
+        """Returns K and the scaling of states."""
+        return {"koopman": self.koopman, **self._scale._asdict()}
 
     def load(self, parameters: Parameters) -> None:
-        """Restores K."""
+        """Restores K and the scaling of states."""
         self._koopman = parameters["koopman"]
-        self._readouts = self._residuals = None
+        self._scale = Scale(parameters["state_mean"], parameters["state_scale"])
+        self._readouts, self._of_fit = None, {}
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
         """Returns the states x in z(t+1) = K z(t), (B, steps + 1, D). Only the start is lifted."""
         with threadpool_limits(1, "blas"):
             predicted = self._lift(start) @ self._read_out(steps).T
         predicted = predicted.reshape(len(start), steps, self.layout.state_dim)
-        return np.concatenate([start[:, None], predicted], axis=1)
+        return np.concatenate([start[:, None], self._scale.undo(predicted)], axis=1)
 
     def diagnostics(self) -> Parameters:
-        """Returns the spectrum of K and, after a fit, the residuals on the training pairs.
+        """Returns the spectrum of K and, after a fit, what it was solved from.
 
         ``eigenvalues`` (p, 2) holds real and imaginary parts (Fig. 7, Table 12),
-        ``one_step_residuals`` (D,) the mean absolute errors of x(t+1) predicted from phi(x(t)).
+        ``one_step_residuals`` (D,) the mean absolute errors of x(t+1) predicted from phi(x(t)),
+        ``singular_values`` (p,) those of the lifted states, the largest first: where they fall
+        below the cut-off, a wide gap says that K does not hang on it.
         """
         with threadpool_limits(1, "blas"):
             values = scipy.linalg.eigvals(self.koopman)
-        found = {"eigenvalues": np.stack([values.real, values.imag], axis=-1)}
-        if self._residuals is not None:
-            found["one_step_residuals"] = self._residuals
-        return found
+        return {"eigenvalues": np.stack([values.real, values.imag], axis=-1), **self._of_fit}
 
     def _read_out(self, steps: int) -> FloatArray:
         """The rows of K, K^2, ..., K^steps that give x, (steps D, p).
@@ -138,27 +156,67 @@ class Kodex(MotionMethod):
         return self._readouts[: steps * dim]
 
     def _lift(self, state: FloatArray) -> FloatArray:
-        return lift(state, self.layout.robot_dim, self._observables)
+        lifted = lift(self._scale.apply(state), self.layout.robot_dim, self._observables)
+        if not self.config.constant:
+            return lifted
+        return np.concatenate([lifted, np.ones((*lifted.shape[:-1], 1))], axis=-1)
 
 
-def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> FloatArray:
-    """Returns K = A pinv(G), (p, p), from lifted pairs (M, p) and (M, p) (appendix (9)).
+class Solution(NamedTuple):
+    """A Koopman operator, and the singular values that decided which directions it heeds."""
 
-    Singular values of G below cutoff * p * eps times the largest count as zero. NumPy's smaller
-    default would keep directions that are rounding errors.
+    koopman: FloatArray
+    """K, (p, p)."""
+    singular_values: FloatArray
+    """Of the lifted states before, (p,), the largest first."""
+
+
+def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> Solution:
+    """Returns K = A pinv(G) (appendix (9)) from lifted pairs (M, p) and (M, p).
+
+    It is solved by QR, and the SVD of R. Singular values of R, which are those of the lifted states
+    ``before``, count as zero below cutoff * p * eps times the largest.
 
     Raises:
         InputError: the pairs are not real, or not two arrays of one shape (M, p).
     """
+    before, after = _pairs(before, after)
+    projected, triangle = scipy.linalg.qr_multiply(before, after.T, mode="right")
+    left, values, right = scipy.linalg.svd(triangle, full_matrices=False)
+    kept = values > _smallest(values, before.shape[1], cutoff)
+    koopman = projected @ (left[:, kept] / values[kept]) @ right[kept]
+    return Solution(koopman, values)
+
+
+def solve_normal_equations(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> Solution:
+    """Returns the same from A and G, as the published code does.
+
+    The singular values of G are the squares of those of the lifted states, over M. Those below
+    cutoff * p * eps times the largest count as zero.
+
+    Raises:
+        InputError: as `solve_koopman`.
+    """
+    before, after = _pairs(before, after)
+    pairs = len(before)
+    a = after.T @ before / pairs
+    g = before.T @ before / pairs
+    values, vectors = scipy.linalg.eigh(g)
+    kept = values > _smallest(values, len(g), cutoff)
+    koopman = a @ (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    return Solution(koopman, np.sqrt(pairs * np.abs(values[::-1])))
+
+
+def _pairs(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
     before, after = real("states before", before), real("states after", after)
     if before.ndim != 2 or before.shape != after.shape:
         raise InputError(f"pairs are two arrays (M, p), got {before.shape} and {after.shape}")
-    pairs, observables = before.shape
-    a = after.T @ before / pairs
-    g = before.T @ before / pairs
-    # G is symmetric and positive semidefinite, so its eigenvalues are its singular values.
-    inverse = scipy.linalg.pinvh(g, rtol=cutoff * observables * np.finfo(np.float64).eps)
-    return a @ inverse
+    return before, after
+
+
+def _smallest(values: FloatArray, observables: int, cutoff: float) -> float:
+    """The singular value up to which all count as zero."""
+    return float(cutoff * observables * np.finfo(np.float64).eps * values.max())
 
 
 def _flat(lifted: FloatArray) -> FloatArray:

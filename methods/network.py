@@ -9,7 +9,7 @@ the validation demonstrations, predicted from their starts.
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
@@ -17,12 +17,9 @@ from torch import Tensor
 
 from methods.base import MotionMethod, NotFittedError, Parameters
 from methods.layers import Weights, tensor
+from methods.scale import Scale
 from methods.training import Schedule, Trained, minimise, one_thread
 from tasks.data import Demos, FloatArray, Layout
-
-SCALE_FLOOR = 1e-2
-"""Smallest divisor of a state in standardisation, so that components that hardly move do not become
-noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +92,7 @@ class NetworkMethod(MotionMethod):
         """Trains the networks of all seeds together, each on its own demonstrations."""
         methods = [cls(config, layout) for _ in seeds]
         one = methods[0]
-        scales = [_scale(config, of_seed.states) for of_seed in demos]
+        scales = [Scale.of(of_seed.states, config.standardise) for of_seed in demos]
         unseen = tensor(
             np.stack([scale.apply(d.states) for scale, d in zip(scales, validation, strict=True)])
         )
@@ -129,18 +126,17 @@ class NetworkMethod(MotionMethod):
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
         """Returns the motion from each start, (B, steps + 1, K)."""
         arrays = self.parameters()
-        mean, scale = arrays["state_mean"], arrays["state_scale"]
+        scale = Scale(arrays["state_mean"], arrays["state_scale"])
         weights = {
             name: tensor(array)[None]
             for name, array in arrays.items()
             if not name.startswith("state_")
         }
-        x = tensor((start - mean) / scale)
+        x = tensor(scale.apply(start))
         with one_thread(), torch.no_grad():
             predicted = self.unroll(weights, x[None], steps)[0].double().numpy()
-        width = predicted.shape[-1]
-        motion = predicted * scale[:width] + mean[:width]
-        return np.concatenate([start[:, None, :width], motion], axis=1)
+        first = start[:, None, : predicted.shape[-1]]
+        return np.concatenate([first, scale.undo(predicted)], axis=1)
 
     def diagnostics(self) -> Parameters:
         """Returns, after a fit, the ``losses`` and ``validation_losses`` of each epoch."""
@@ -153,22 +149,3 @@ def windows(states: FloatArray, steps: int) -> FloatArray:
     """Returns all windows of steps + 1 states (..., steps + 1, D) in motions (B, T, D)."""
     views = np.lib.stride_tricks.sliding_window_view(states, steps + 1, axis=1)
     return np.moveaxis(views, -1, 2).reshape(-1, steps + 1, states.shape[-1])
-
-
-class _Scale(NamedTuple):
-    """The mean and the scale of the states, (D,) each. Parameters store both by these names."""
-
-    state_mean: FloatArray
-    state_scale: FloatArray
-
-    def apply(self, states: FloatArray) -> FloatArray:
-        """Returns standardised states (..., D)."""
-        scaled: FloatArray = (states - self.state_mean) / self.state_scale
-        return scaled
-
-
-def _scale(config: NetworkConfig, states: FloatArray) -> _Scale:
-    if not config.standardise:
-        return _Scale(np.zeros(states.shape[-1]), np.ones(states.shape[-1]))
-    scale = np.maximum(states.std(axis=(0, 1)), SCALE_FLOOR)
-    return _Scale(states.mean(axis=(0, 1)), scale)

@@ -5,7 +5,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from methods.base import NotFittedError
-from methods.kodex import Kodex, KodexConfig, solve_koopman
+from methods.kodex import Kodex, KodexConfig, solve_koopman, solve_normal_equations
 from methods.lifting import get_observables, lift
 from tasks.data import Demos, Layout, Starts, generator
 from tasks.errors import InputError
@@ -36,6 +36,19 @@ def flat():
         plane[:, t] = plane[:, t - 1] @ turn.T
     spread = np.array([[1.0, 0, 0, 1, 0], [0, 1, 0, 0, 1]])
     return make_demos(plane @ spread)
+
+
+def hidden(size) -> Demos:
+    """Motions whose last component follows one of this size, which hardly shows beside the rest."""
+    rng = generator("hidden")
+    states = rng.uniform(-1, 1, (30, 20, 5)) * [1, 1, 1, size, 1]
+    states[:, 1:, 4] = states[:, :-1, 3] / size
+    return make_demos(states)
+
+
+def nothing(robot, _):
+    """Returns no observables beyond the state, (..., 0)."""
+    return robot[..., :0]
 
 
 def fitted(demos, **config) -> Kodex:
@@ -120,12 +133,75 @@ def test_a_call_before_fit_raises_not_fitted_error(ask):
         getattr(Kodex(KodexConfig(), LAYOUT), ask)(*arguments)
 
 
+def test_the_operator_is_a_pinv_g_where_the_lifted_states_are_well_conditioned():
+    rng = generator("well conditioned")
+    before, after = rng.standard_normal((2, 500, 40))
+    expected = (after.T @ before) @ np.linalg.pinv(before.T @ before)
+    for solve in (solve_koopman, solve_normal_equations):
+        assert np.abs(solve(before, after).koopman - expected).max() <= 1e-9
+
+
+def test_the_operator_ignores_directions_beyond_a_gap_in_the_singular_values():
+    rng = generator("rank deficient")
+    basis = np.linalg.qr(rng.standard_normal((40, 40)))[0][:, :30]
+    before = rng.standard_normal((500, 30)) * np.logspace(0, -8, 30) @ basis.T
+    truth = rng.standard_normal((40, 40)) @ basis @ basis.T
+    found = solve_koopman(before, before @ truth.T)
+    assert np.abs(found.koopman - truth).max() <= 1e-6
+    relative = found.singular_values / found.singular_values[0]
+    assert relative[29] > 1e-9 > 1e-14 > relative[30]
+
+
+def test_normal_equations_lose_directions_that_the_lifted_states_still_show():
+    rng = generator("squared condition")
+    before = rng.standard_normal((500, 4)) * [1, 1, 1, 1e-9]
+    after = before[:, ::-1]
+    assert solve_koopman(before, after).koopman[0, 3] == pytest.approx(1, rel=1e-6)
+    assert abs(solve_normal_equations(before, after).koopman[0, 3]) < 0.1
+
+
 def test_directions_below_the_cutoff_are_ignored():
     rng = generator("cutoff")
-    before = rng.standard_normal((200, 4)) * [1, 1, 1, 1e-7]
+    before = rng.standard_normal((200, 4)) * [1, 1, 1, 1e-12]
     after = before[:, ::-1]
-    assert np.abs(solve_koopman(before, after, cutoff=1e2)[:, 3]).max() < 1e-6
-    assert solve_koopman(before, after, cutoff=1e-2)[0, 3] == pytest.approx(1, rel=1e-6)
+    assert np.abs(solve_koopman(before, after, cutoff=1e5).koopman[:, 3]).max() < 1e-6
+    assert solve_koopman(before, after).koopman[0, 3] == pytest.approx(1, rel=1e-2)
+
+
+def test_motions_do_not_hang_on_the_order_of_demonstrations_however_small_a_component():
+    demos, start = hidden(1e-7), hidden(1e-7).states[:5, 0]
+
+    def motions(**config):
+        orders = [generator("order", i).permutation(30) for i in range(5)]
+        return [
+            fitted(demos[order], observables=nothing, **config).rollout(start, 5)
+            for order in orders
+        ]
+
+    assert np.ptp(motions(), axis=0).max() <= 1e-6
+    assert np.ptp(motions(normal_equations=True), axis=0).max() > 1e-3
+
+
+def test_states_are_standardised_before_they_are_lifted(noisy):
+    states = noisy.states * [1, 10, 100, 1e-3, 1] + [0, 5, -50, 0, 3]
+    mean, scale = states.mean(axis=(0, 1)), np.maximum(states.std(axis=(0, 1)), 1e-2)
+    standard = make_demos((states - mean) / scale)
+    expected = fitted(standard).rollout(standard.states[:6, 0], 8) * scale + mean
+    motion = fitted(make_demos(states), standardise=True).rollout(states[:6, 0], 8)
+    np.testing.assert_allclose(motion, expected, rtol=1e-7, atol=1e-7)
+
+
+def test_a_constant_lets_the_state_move_by_an_offset():
+    rng = generator("offset")
+    states = rng.standard_normal((20, 1, 5)) + np.arange(8)[:, None] * [1.0, -2, 0.5, 0, 3]
+    demos = make_demos(states)
+
+    def error(**config):
+        model = fitted(demos, observables=nothing, **config)
+        return np.abs(model.rollout(states[:, 0], 7) - states).max()
+
+    assert error(constant=True) < 1e-9
+    assert error() > 0.1
 
 
 def test_demonstrations_in_single_precision_are_used_in_double(noisy):

@@ -1,0 +1,36 @@
+"""Standardised states: mean 0 and standard deviation 1 over the training demonstrations."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from tasks.data import FloatArray
+
+SCALE_FLOOR = 1e-2
+"""Smallest divisor of a state in standardisation, so that components that hardly move do not become
+noise."""
+
+
+class Scale(NamedTuple):
+    """The mean and the scale of the states, (D,) each. Parameters store both by these names."""
+
+    state_mean: FloatArray
+    state_scale: FloatArray
+
+    @classmethod
+    def of(cls, states: FloatArray, standardise: bool) -> Self:
+        """Returns the scale of states (N, T, D); one that changes nothing if not to standardise."""
+        if not standardise:
+            return cls(np.zeros(states.shape[-1]), np.ones(states.shape[-1]))
+        return cls(states.mean(axis=(0, 1)), np.maximum(states.std(axis=(0, 1)), SCALE_FLOOR))
+
+    def apply(self, states: FloatArray) -> FloatArray:
+        """Returns standardised states (..., D) of states (..., D)."""
+        scaled: FloatArray = (states - self.state_mean) / self.state_scale
+        return scaled
+
+    def undo(self, states: FloatArray) -> FloatArray:
+        """Returns the states (..., K) of standardised ones, the first K of their components."""
+        width = states.shape[-1]
+        raw: FloatArray = states * self.state_scale[:width] + self.state_mean[:width]
+        return raw
