@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[1] / "reports" / "reference"
 """Folder of the shipped results."""
-SHOWN = ("eigenvalues", "imitation_error")
+SHOWN = ("eigenvalues", "imitation_error", "singular_values", "rank")
 """The diagnostics that exhibits show."""
 
 

@@ -39,13 +39,25 @@ def loop_over_samples(demos: Demos):
 @pytest.mark.parametrize("name", ["kodex_fit"])
 def test_fit(compare, demos, name):
     kodex = Kodex(KodexConfig(), LAYOUT)
-    # The loop leaves out the pseudo-inverse, which is the same on both sides.
+    # The loop leaves out the pseudo-inverse.
     compare(
         name,
         ours=lambda: kodex.fit(demos, demos, 0),
         peer=loop_over_samples(demos),
         target=5.0,
         work=(len(demos), LOOP_DEMOS),
+    )
+
+
+@pytest.mark.parametrize("name", ["kodex_fit_without_g"])
+def test_fit_without_g(compare, demos, name):
+    kodex = Kodex(KodexConfig(), LAYOUT)
+    with_g = Kodex(KodexConfig(normal_equations=True), LAYOUT)
+    compare(
+        name,
+        ours=lambda: kodex.fit(demos, demos, 0),
+        peer=lambda: with_g.fit(demos, demos, 0),
+        target=0.25,
     )
 
 
@@ -64,7 +76,9 @@ def loop_over_starts(kodex: Kodex, starts: FloatArray):
 @pytest.mark.parametrize("name", ["kodex_rollout"])
 def test_rollout(compare, demos, name):
     kodex = Kodex(KodexConfig(), LAYOUT)
-    kodex.load({"koopman": np.linalg.qr(generator(name).standard_normal((763, 763)))[0]})
+    scale = {"state_mean": np.zeros(41), "state_scale": np.ones(41)}
+    koopman = np.linalg.qr(generator(name).standard_normal((763, 763)))[0]
+    kodex.load({"koopman": koopman, **scale})
     starts = generator(name, "starts").standard_normal((10_000, 41))
     compare(
         name,

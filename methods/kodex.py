@@ -110,6 +110,7 @@ class Kodex(MotionMethod):
         self._of_fit = {
             "one_step_residuals": errors.mean(axis=0) * self._scale.state_scale,
             "singular_values": solution.singular_values,
+            "rank": np.array(solution.rank),
         }
 
     def parameters(self) -> Parameters:
@@ -134,8 +135,8 @@ class Kodex(MotionMethod):
 
         ``eigenvalues`` (p, 2) holds real and imaginary parts (Fig. 7, Table 12),
         ``one_step_residuals`` (D,) the mean absolute errors of x(t+1) predicted from phi(x(t)),
-        ``singular_values`` (p,) those of the lifted states, the largest first: where they fall
-        below the cut-off, a wide gap says that K does not hang on it.
+        ``singular_values`` (p,) those of the lifted states, the largest first, of which ``rank``
+        () count: a wide gap behind them says that K does not hang on the cut-off.
         """
         with threadpool_limits(1, "blas"):
             values = scipy.linalg.eigvals(self.koopman)
@@ -169,6 +170,8 @@ class Solution(NamedTuple):
     """K, (p, p)."""
     singular_values: FloatArray
     """Of the lifted states before, (p,), the largest first."""
+    rank: int
+    """How many of them count."""
 
 
 def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> Solution:
@@ -185,7 +188,7 @@ def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) ->
     left, values, right = scipy.linalg.svd(triangle, full_matrices=False)
     kept = values > _smallest(values, before.shape[1], cutoff)
     koopman = projected @ (left[:, kept] / values[kept]) @ right[kept]
-    return Solution(koopman, values)
+    return Solution(koopman, values, int(kept.sum()))
 
 
 def solve_normal_equations(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> Solution:
@@ -204,7 +207,7 @@ def solve_normal_equations(before: FloatArray, after: FloatArray, cutoff: float 
     values, vectors = scipy.linalg.eigh(g)
     kept = values > _smallest(values, len(g), cutoff)
     koopman = a @ (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    return Solution(koopman, np.sqrt(pairs * np.abs(values[::-1])))
+    return Solution(koopman, np.sqrt(pairs * np.abs(values[::-1])), int(kept.sum()))
 
 
 def _pairs(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -167,6 +167,24 @@ class Results:
             )
         return found
 
+    def gap(self, folder: str) -> tuple[int, int, float, float]:
+        """Returns what a fit of KODex heeds: p, the rank, and the gap in the singular values.
+
+        The gap has two ends, relative to the largest value: the last that counts, and the next (0
+        if all count).
+
+        Raises:
+            InputError: no singular values or no rank are stored, or they do not fit together.
+        """
+        values, rank = self._diagnostic(folder, "singular_values"), self._diagnostic(folder, "rank")
+        if rank.shape or values.ndim != 1 or not 0 < rank <= len(values):
+            raise InputError(
+                f"{folder} has stored {values.shape} singular values and rank {rank}, not (p,) and"
+                " a number up to p"
+            )
+        last, following = [*values, 0.0][int(rank) - 1 : int(rank) + 1]
+        return len(values), int(rank), float(last / values[0]), float(following / values[0])
+
     def imitation_error(self, folder: str) -> float:
         """Returns the mean over joints of a fit's stored imitation error.
 

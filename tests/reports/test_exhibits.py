@@ -80,7 +80,12 @@ class MadeUp(Results):
     def diagnostics(self, folder):
         rng = generator(folder)
         eigenvalues = 0.7 * rng.standard_normal((500, 2))
-        return {"eigenvalues": eigenvalues, "imitation_error": rng.random(24)}
+        return {
+            "eigenvalues": eigenvalues,
+            "imitation_error": rng.random(24),
+            "singular_values": np.logspace(0, -17, 500),
+            "rank": np.array(400),
+        }
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +119,7 @@ EXPECTED = {
     "figure_5": (6, 4),
     "table_11": (4, 4),
     "table_12": (1, 4),
+    "rank": (4, 4),
     "figure_6": (8, 4),
     "figure_6_time": (4, 4),
     "efficiency": (5 * 6, 4),

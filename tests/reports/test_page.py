@@ -94,7 +94,12 @@ class Few(Results):
 
     def diagnostics(self, folder):
         eigenvalues = 0.7 * generator(folder).standard_normal((50, 2))
-        return {"eigenvalues": eigenvalues, "imitation_error": np.ones(24)}
+        return {
+            "eigenvalues": eigenvalues,
+            "imitation_error": np.ones(24),
+            "singular_values": np.logspace(0, -17, 50),
+            "rank": np.array(40),
+        }
 
 
 ROWS = [("kodex", "door", 90.0), ("nn", "door", 100.0), ("ngf", "door", 9.5)]

@@ -32,7 +32,7 @@ OWN = {
     "own_motion": ("original", ("64",), (1, 2)),
 }
 """Methods of other packages."""
-OF_DIAGNOSTICS = {"table_11", "table_12", "figure_6", "figure_7"}
+OF_DIAGNOSTICS = {"table_11", "table_12", "figure_6", "figure_7", "rank"}
 
 
 @cache
@@ -71,6 +71,15 @@ def rows_of(name):
                     yield from ({**fit, **asdict(place)} for place in places)
 
 
+def _diagnostics(eigenvalues, values, rank, error):
+    return {
+        "eigenvalues": eigenvalues,
+        "singular_values": values,
+        "rank": rank,
+        "imitation_error": error,
+    }
+
+
 class Subset(Results):
     """Results of some evaluations, with random episodes."""
 
@@ -96,12 +105,13 @@ class Subset(Results):
 
     def diagnostics(self, folder):
         eigenvalues = 0.7 * generator(folder).standard_normal((50, 2))
+        values, rank, error = np.logspace(0, -17, 50), np.array(40), np.ones(24)
         return {
-            "sound": {"eigenvalues": eigenvalues, "imitation_error": np.ones(24)},
+            "sound": _diagnostics(eigenvalues, values, rank, error),
             "missing": {},
-            "of odd shape": {"eigenvalues": eigenvalues[:, 0], "imitation_error": np.ones(())},
-            "empty": {"eigenvalues": eigenvalues[:0], "imitation_error": np.ones((1, 1))},
-            "not finite": {"eigenvalues": eigenvalues * np.inf, "imitation_error": np.ones(1)},
+            "of odd shape": _diagnostics(eigenvalues[:, 0], values[None], rank, np.ones(())),
+            "empty": _diagnostics(eigenvalues[:0], values[:0], rank, np.ones((1, 1))),
+            "not finite": _diagnostics(eigenvalues * np.inf, values, rank + 11, error),
         }[self.kind]
 
 
@@ -184,7 +194,7 @@ def test_unreadable_diagnostics_remove_only_their_own_exhibits(kind, tmp_path, c
         sound = write_report(Subset(only(task="door", method="kodex")), tmp_path)
         made = write_report(Subset(only(task="door", method="kodex"), diagnostics=kind), tmp_path)
     lost = {path.stem for path in sound.written} - {path.stem for path in made.written}
-    assert {"table_11", "table_12", "figure_7"} <= lost <= OF_DIAGNOSTICS
+    assert {"table_11", "table_12", "figure_7", "rank"} <= lost <= OF_DIAGNOSTICS
     assert not any((tmp_path / f"tables/{name}.md").exists() for name in lost)
     page, said = (tmp_path / "index.html").read_text(), capsys.readouterr().err
     assert len(made.failed) >= len(lost)
