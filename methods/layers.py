@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid
 
+from methods.product import product
 from tasks.data import FloatArray
 
 Weights = dict[str, Tensor]
@@ -41,14 +42,14 @@ def linear(weights: Weights, name: str, x: Tensor) -> Tensor:
     weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
     if weight.shape[1] == 1:
         return bias[:, None] + _times_column(x, weight)
-    return torch.baddbmm(bias[:, None], x, weight.transpose(1, 2))
+    return product(x, weight.mT) + bias[:, None]
 
 
 def after(weights: Weights, name: str, layer: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
     """Returns weight and bias of a layer equal to the named layer followed by another one."""
     weight, bias = layer
     inner = _times_column(weight, weights[f"{name}.bias"][:, None])
-    return torch.bmm(weight, weights[f"{name}.weight"]), bias + inner[..., 0]
+    return product(weight, weights[f"{name}.weight"]), bias + inner[..., 0]
 
 
 def times(x: Tensor, matrix: Tensor) -> Tensor:
@@ -57,7 +58,7 @@ def times(x: Tensor, matrix: Tensor) -> Tensor:
     Each network has a product of its own: in one product for all, the rows after the last full
     block are rounded differently, and so those of the last network.
     """
-    rows = torch.bmm(x.flatten(1, -2), matrix.expand(len(x), -1, -1))
+    rows = product(x.flatten(1, -2), matrix.expand(len(x), -1, -1))
     return rows.unflatten(1, x.shape[1:-1])
 
 

@@ -34,6 +34,7 @@ from methods.base import check_above
 from methods.layers import Weights, linear, linear_weights, sigmoid, softplus
 from methods.network import NetworkConfig, NetworkMethod, windows
 from methods.ngf_gradient import AT_REST, NETWORKS, motion_with_gradient
+from methods.product import product
 from tasks.data import CONTROL_STEP, FloatArray
 
 
@@ -151,9 +152,9 @@ def potential_gradient(weights: Weights, context: Tensor, q: Tensor) -> Tensor:
     second = torch.tanh(linear(weights, "potential1", first))
     stiffness = weights["stiffness"][:, None]
     residual = stiffness * q + linear(weights, "potential2", second)
-    back = torch.bmm(residual, weights["potential2.weight"]) * (1 - second.square())
-    back = torch.bmm(back, weights["potential1.weight"]) * (1 - first.square())
-    return stiffness * residual + torch.bmm(back, weights["potential0.weight"])
+    back = product(residual, weights["potential2.weight"]) * (1 - second.square())
+    back = product(back, weights["potential1.weight"]) * (1 - first.square())
+    return stiffness * residual + product(back, weights["potential0.weight"])
 
 
 def _network(weights: Weights, name: str, context: Mapping[str, Tensor], x: Tensor) -> Tensor:

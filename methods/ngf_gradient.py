@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from methods.layers import Weights, softplus
+from methods.product import plain_product
 from tasks.data import CONTROL_STEP
 
 NETWORKS = ("geometry", "metric", "potential", "damping")
@@ -86,7 +87,7 @@ class _Motion(torch.autograd.Function):
         minus, half = -one, one / 2
         # tanh(x) = 2 sigmoid(2 x) - 1, which torch computes several times as fast.
         context = context.repeat(len(NETWORKS), 1, 1)
-        bias0 = 2 * torch.baddbmm((bias_c + bias0)[:, None], context, weight_c.mT)
+        bias0 = 2 * (plain_product(context, weight_c.mT) + (bias_c + bias0)[:, None])
         into0, into1, bias1 = 2 * weight0.mT, 2 * weight1.mT, 2 * bias1[:, None]
         into2, bias2 = weight2.mT, bias2[:, None]
         inputs, first, second = (
@@ -95,9 +96,9 @@ class _Motion(torch.autograd.Function):
         kept, motion = [], []
         for x, h1, h2 in zip(inputs.unbind(1), first.unbind(1), second.unbind(1), strict=True):
             x.unflatten(0, (-1, seeds)).copy_(torch.cat([q, v], dim=-1))
-            torch.add(minus, torch.baddbmm(bias0, x, into0).sigmoid_(), alpha=2, out=h1)
-            torch.add(minus, torch.baddbmm(bias1, h1, into1).sigmoid_(), alpha=2, out=h2)
-            out = torch.baddbmm(bias2, h2, into2).unflatten(0, (-1, seeds))
+            torch.add(minus, plain_product(x, into0).add_(bias0).sigmoid_(), alpha=2, out=h1)
+            torch.add(minus, plain_product(h1, into1).add_(bias1).sigmoid_(), alpha=2, out=h2)
+            out = plain_product(h2, into2).add_(bias2).unflatten(0, (-1, seeds))
             geometry, metric, potential, damping = out.unbind()
             slope1, slope2 = (torch.addcmul(one, h, h, value=-1) for h in (h1, h2))
             slope1_p, slope2_p = _of_potential(slope1, slope2, seeds=seeds)
@@ -110,11 +111,11 @@ class _Motion(torch.autograd.Function):
             along = (force * v).sum(dim=-1, keepdim=True).div_(energy + AT_REST)
 
             residual = torch.addcmul(potential[..., :joints], k, q)
-            back2 = torch.bmm(residual, psi2)
+            back2 = plain_product(residual, psi2)
             lever2 = back2 * slope2_p
-            back1 = torch.bmm(lever2, psi1)
+            back1 = plain_product(lever2, psi1)
             lever1 = back1 * slope1_p
-            pull = torch.baddbmm(k * residual, lever1, psi0)
+            pull = plain_product(lever1, psi0).add_(k * residual)
 
             damping = softplus(damping[..., :1])
             change = torch.addcmul(force, along, v, value=-1).mul_(energy / joints)
@@ -183,11 +184,11 @@ class _Motion(torch.autograd.Function):
             with_v = (d_change * step.v).sum(dim=-1, keepdim=True)
 
             d_pull = d_change * rest
-            d_lever1 = torch.bmm(d_pull, psi0.mT)
+            d_lever1 = plain_product(d_pull, psi0.mT)
             d_back1 = d_lever1 * slope1_p
-            d_lever2 = torch.bmm(d_back1, psi1.mT)
+            d_lever2 = plain_product(d_back1, psi1.mT)
             d_back2 = d_lever2 * slope2_p
-            d_residual = torch.baddbmm(k * d_pull, d_back2, psi2.mT)
+            d_residual = plain_product(d_back2, psi2.mT).add_(k * d_pull)
             d_potential.copy_(d_residual)
 
             d_along = with_v * along_slope
@@ -198,13 +199,13 @@ class _Motion(torch.autograd.Function):
             torch.neg(d_weight, out=d_metric)
             torch.mul(with_v, d_softplus, out=d_damping)
 
-            into2 = torch.bmm(d_o, weight2)
+            into2 = plain_product(d_o, weight2)
             _of_potential(into2, seeds=seeds)[0].addcmul_(d_lever2 * step.back2, h2_p, value=-2)
             torch.mul(into2, step.slope2, out=d_h2)
-            into1 = torch.bmm(d_h2, weight1)
+            into1 = plain_product(d_h2, weight1)
             _of_potential(into1, seeds=seeds)[0].addcmul_(d_lever1 * step.back1, h1_p, value=-2)
             torch.mul(into1, step.slope1, out=d_h1)
-            d_x = torch.bmm(d_h1, weight0).unflatten(0, (-1, seeds)).sum(dim=0)
+            d_x = plain_product(d_h1, weight0).unflatten(0, (-1, seeds)).sum(dim=0)
             of_q, of_v = d_x.split(joints, dim=-1)
 
             d_energy = torch.addcmul(with_force * (2 / joints), with_v, v_slope)
@@ -228,13 +229,13 @@ class _Motion(torch.autograd.Function):
             _product(d, x) for d, x in ((d_first, inputs), (d_second, first), (d_out, second))
         )
         d_psi0, d_psi1, d_psi2 = _of_potential(d_weight0, d_weight1, d_weight2, seeds=seeds)
-        d_psi0[:, :, :joints] += torch.bmm(levers1.mT, pulls)
-        d_psi1 += torch.bmm(levers2.mT, backs1)
-        d_psi2[:, :joints] += torch.bmm(residuals.mT, backs2)
+        d_psi0[:, :, :joints] += plain_product(levers1.mT, pulls)
+        d_psi1 += plain_product(levers2.mT, backs1)
+        d_psi2[:, :joints] += plain_product(residuals.mT, backs2)
         of_context = d_first.sum(dim=1)
         d_bias0 = of_context.sum(dim=1)
         d_bias1, d_bias2 = (part.sum(dim=(1, 2)) for part in (d_second, d_out))
-        d_context = torch.bmm(of_context.mT, context)
+        d_context = plain_product(of_context.mT, context)
         d_layers = (d_context, d_bias0, d_weight0, d_bias0, d_weight1, d_bias1, d_weight2, d_bias2)
         d_arrays = [d for layer in d_layers for d in layer.unflatten(0, (-1, seeds)).unbind()]
         cut = [
@@ -264,4 +265,4 @@ def _of_potential(*parts: Tensor, seeds: int) -> list[Tensor]:
 
 def _product(left: Tensor, right: Tensor) -> Tensor:
     """Returns the sums over steps and samples of outer products, of (N S, W, B, ...)."""
-    return torch.bmm(left.flatten(1, 2).mT, right.flatten(1, 2))
+    return plain_product(left.flatten(1, 2).mT, right.flatten(1, 2))
