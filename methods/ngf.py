@@ -47,13 +47,16 @@ class NGFConfig(NetworkConfig):
     """Number of steps of a window in training."""
     stiffness: float = 20.0
     """Initial value of k."""
+    damping: float = 2.0
+    """Initial b, as a multiple of k. Critical for a pull of k^2 q is 2; for the pull of the first
+    motions, which the weight 1 - W of about one half takes, the square root of 2."""
     epochs: int = 20
     batch_size: int = 32
     learning_rate: float = 4e-3
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_above(self, 0, "hidden", "window")
+        check_above(self, 0, "hidden", "window", "damping")
 
 
 class NGF(NetworkMethod):
@@ -91,8 +94,8 @@ class NGF(NetworkMethod):
             arrays |= linear_weights(rng, f"{name}0", moving, first)
             arrays |= linear_weights(rng, f"{name}1", first, second)
             arrays |= linear_weights(rng, f"{name}2", second, outputs)
-        # Critical damping of the initial potential: with less, motions oscillate at first.
-        arrays["damping2.bias"] += 2 * self.config.stiffness
+        # With much less than critical damping, motions oscillate at first.
+        arrays["damping2.bias"] += self.config.damping * self.config.stiffness
         return arrays
 
     def unroll(
