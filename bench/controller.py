@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from methods.base import Parameters
 from tasks.data import Demos, FloatArray
 
-VERSION = 2
+VERSION = 3
 """To be raised when a change of the code changes actions."""
 
 _Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]

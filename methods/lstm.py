@@ -37,7 +37,7 @@ class LSTM(NetworkMethod):
 
     name = "lstm"
     summary = "recurrent network, fed its own predictions"
-    version = 2
+    version = 3
     sizes: ClassVar[Mapping[str, LSTMConfig]] = {
         "small": LSTMConfig(embedding=100, hidden=200),
         "median": LSTMConfig(embedding=175, hidden=250),

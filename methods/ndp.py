@@ -50,7 +50,7 @@ class NDP(NetworkMethod):
     """Maps x(1) to a goal and N_b weights for each joint of the hand."""
 
     name = "ndp"
-    version = 2
+    version = 3
     summary = "dynamic movement primitives whose parameters a network gives"
     sizes: ClassVar[Mapping[str, NDPConfig]] = {
         "small": NDPConfig(hidden=(32, 64, 32), basis_functions=10),

@@ -64,7 +64,7 @@ class NGF(NetworkMethod):
 
     name = "ngf"
     summary = "geometric fabric: energised geometry, potential and damping"
-    version = 3
+    version = 4
     sizes: ClassVar[Mapping[str, NGFConfig]] = {
         "small": NGFConfig(hidden=(64, 32)),
         "median": NGFConfig(hidden=(128, 64)),

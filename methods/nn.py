@@ -37,6 +37,7 @@ class NN(NetworkMethod):
 
     name = "nn"
     summary = "multilayer perceptron, one state after another"
+    version = 2
     sizes: ClassVar[Mapping[str, NNConfig]] = {
         "small": NNConfig(hidden=(32, 64, 32)),
         "median": NNConfig(hidden=(64, 128, 64)),
