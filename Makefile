@@ -40,7 +40,7 @@ benchmark: install-dev ## Measure speed against peers, half an hour
 
 reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hours
 	$(BIN)/pytest tests/bench/test_reliability.py tests/bench/test_backend.py \
-		tests/bench/test_fuzz.py tests/bench/test_hostile.py -m 'not release' --times 200 --timeout 0
+		tests/bench/test_fuzz.py tests/bench/test_hostile.py tests/methods/test_kodex.py -m 'not release' --times 200 --timeout 0
 
 same-bits: install-dev ## Check that this processor computes the bits of others, and note it, half an hour
 	$(BIN)/pytest tests/bench/test_same_bits.py -m 'long or not long' --timeout 0

@@ -31,8 +31,8 @@ def linear_weights(
 def tensor(array: FloatArray) -> Tensor:
     """Returns an array as float32, in memory that torch allocates.
 
-    Results of MKL depend on the alignment of the memory. torch aligns its memory to full vectors,
-    NumPy does not.
+    Results of some kernels depend on the alignment of the memory. torch aligns its memory to full
+    vectors, NumPy does not.
     """
     return torch.tensor(array, dtype=torch.float32)
 

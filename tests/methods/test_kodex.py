@@ -8,7 +8,9 @@ from methods.base import NotFittedError
 from methods.kodex import Kodex, KodexConfig, solve_koopman, solve_normal_equations
 from methods.lifting import get_observables, lift
 from tasks.data import Demos, Layout, Starts, generator
+from tasks.demos import load_demos, split
 from tasks.errors import InputError
+from tasks.registry import TASKS, get_task
 
 LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
 
@@ -180,6 +182,28 @@ def test_motions_do_not_hang_on_the_order_of_demonstrations_however_small_a_comp
 
     assert np.ptp(motions(), axis=0).max() <= 1e-6
     assert np.ptp(motions(normal_equations=True), axis=0).max() > 1e-3
+
+
+ORDERS = [
+    pytest.param("door", 2),
+    *(pytest.param(task, 5, marks=pytest.mark.long) for task in TASKS),
+]
+
+
+@pytest.mark.parametrize(("task", "orders"), ORDERS)
+@pytest.mark.parametrize("standardise", [False, True])
+def test_motions_of_every_task_do_not_hang_on_the_order_of_demonstrations(
+    task, orders, standardise
+):
+    training, validation = split(load_demos(get_task(task)))
+    start, steps = validation.states[:, 0], get_task(task).horizon - 1
+    motions = []
+    for i in range(orders):
+        kodex = Kodex(KodexConfig(standardise=standardise), get_task(task).layout)
+        order = generator("order", i).permutation(len(training))
+        kodex.fit(training[order], validation, 1)
+        motions.append(kodex.rollout(start, steps))
+    assert np.ptp(motions, axis=0).max() <= 1e-6
 
 
 def test_states_are_standardised_before_they_are_lifted(noisy):
