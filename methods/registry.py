@@ -16,9 +16,21 @@ from tasks.errors import InputError, described, printable, unknown_name
 from tasks.packages import entry_points_of, owners
 
 ENTRY_POINTS = "bench.methods"
-_CLASSES = {"kodex": "Kodex", "nn": "NN", "lstm": "LSTM", "ndp": "NDP", "ngf": "NGF"}
+_CLASSES = {
+    "kodex": "Kodex",
+    "nn": "NN",
+    "lstm": "LSTM",
+    "ndp": "NDP",
+    "ngf": "NGF",
+    "nearest": "Nearest",
+    "regression": "Regression",
+}
 SUITE = tuple(_CLASSES)
 """The methods of this suite. Methods of packages are used only if they are named."""
+TO_BEAT = ("nearest", "regression")
+"""The methods among them that learn next to nothing: what a method has to beat."""
+PAPER = tuple(name for name in SUITE if name not in TO_BEAT)
+"""The methods of the paper."""
 _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
 """Variants with a class of their own."""
 

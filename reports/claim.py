@@ -9,14 +9,15 @@ from typing import ClassVar
 
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL, TUNED
 from bench.labels import EXPERT
-from reports.style import METHODS, display
+from methods.registry import PAPER
+from reports.style import display
 
 SIMILAR = 5.0
 """Points of success within which two methods are called comparable, or about the same."""
 FEW = 2
 """The fewest conditions that are called a few."""
-LEARNERS = METHODS[1:]
-BASELINES = METHODS[2:]
+LEARNERS = PAPER
+BASELINES = PAPER[1:]
 
 
 @dataclass(frozen=True)

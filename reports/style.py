@@ -9,6 +9,7 @@ import matplotlib as mpl
 import seaborn as sns
 
 from bench.labels import SEPARATOR
+from methods.registry import SUITE
 
 NAMES = {
     "expert": "Expert",
@@ -17,6 +18,8 @@ NAMES = {
     "lstm": "LSTM",
     "ndp": "NDP",
     "ngf": "NGF",
+    "nearest": "Nearest",
+    "regression": "Regression",
     "tool": "Tool",
     "door": "Door",
     "relocation": "Relocation",
@@ -25,7 +28,7 @@ NAMES = {
 }
 """Names as readers see them."""
 TASKS = ("tool", "door", "relocation", "reorientation")
-METHODS = ("expert", "kodex", "nn", "lstm", "ndp", "ngf")
+METHODS = ("expert", *SUITE)
 INK = "#222222"
 """Colour of text, axes, intervals and the paper's values."""
 MARKS = ("", "///", "...", "\\\\\\", "xx", "--", "++")
@@ -36,11 +39,13 @@ DASHES: tuple[Any, ...] = (
     (0, (6, 1.5, 1, 1.5)),
     (0, (2.5, 1)),
     (0, (6, 1, 1, 1, 1, 1)),
+    (0, (1, 2.5)),
+    (0, (9, 2)),
 )
 MARKERS = "*o^sDvPX<>h"
-_COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex())
+_COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex(), "#8a6d00", "#6a4ca5")
 """Colours of the methods."""
-_OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#8a8a00")
+_OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#4f7942")
 """Colours of other rows: sizes, tasks, the user's methods."""
 ON_DARK = {
     "#4c4c4c": "#b9b9b9",

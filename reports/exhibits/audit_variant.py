@@ -3,6 +3,7 @@
 import pandas as pd
 
 from bench.controller_kinds import UNCLIPPED
+from methods.registry import PAPER
 from reports.charts import panels
 from reports.exhibit import Exhibit
 from reports.exhibits.table_11 import SETS
@@ -33,7 +34,7 @@ def table(results: Results) -> pd.DataFrame:
 def _best_published() -> pd.DataFrame:
     """Returns the paper's success of each method at its best size, for each compared variant."""
     parts = []
-    for number, method in enumerate(METHODS[1:], 1):
+    for number, method in enumerate(PAPER, 1):
         numbers = published(f"table_{number}")
         best = numbers.loc[numbers.groupby("column").value.idxmax()]
         parts += [best.assign(row=f"{method} {variant}") for variant in COMPARED]
