@@ -9,6 +9,7 @@ from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod
 from methods.registry import get_method
 from tasks.demos import demos_key
+from tasks.disturbances import UNDISTURBED
 from tasks.masses import NOMINAL
 from tasks.registry import APPENDIX, get_task
 
@@ -23,6 +24,9 @@ class Conditions:
     """Kind of the controller of a fit that needs one."""
     rule: str = APPENDIX
     """The rule that decides on success."""
+    disturbance: str = UNDISTURBED
+    replan: int = 0
+    """Of a method that replans: a new motion every so many control steps. 0: never."""
 
 
 def cells(
@@ -50,6 +54,8 @@ def _cell(study: Study, fit: Fit, place: Conditions, episodes: int) -> Cell:
         controller.kind if controller else NO_CONTROLLER,
         controller.key if controller else "",
         place.rule,
+        place.disturbance,
+        place.replan,
     )
     return Cell(fit, evaluation, episodes, controller)
 

@@ -16,12 +16,14 @@ from bench.controller import Controller, train_controllers
 from bench.provenance import provenance, software
 from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
-from bench.spec import EXPERT, Cell, ControllerSpec, Fit
+from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
 from methods.base import ActionMethod, Method, MotionMethod, Parameters, fits_together
 from methods.contract import ContractError, Learnt, learn, loaded, motion
 from methods.guard import guarded
 from methods.registry import get_method
 from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
+from tasks.disturbances import find_disturbances
+from tasks.disturbed import Disturbed
 from tasks.experts import load_expert
 from tasks.files import from_bytes, to_bytes
 from tasks.pins import check_mark
@@ -134,9 +136,9 @@ def evaluate(
     for first in range(0, len(starts), CHUNK):
         row = kept + first
         with guarded(f"{cell.fit.label} {evaluation.name}", row), _named([cell.fit]):
-            policy = make_policy(cell.fit, parameters, controller)
-            chunk = starts[first : first + CHUNK]
-            episodes = rollout(task, chunk, policy, evaluation.physics, threads=threads)
+            policy = make_policy(cell, parameters, controller)
+            chunk, driver = starts[first : first + CHUNK], disturbed(policy, evaluation)
+            episodes = rollout(task, chunk, driver, evaluation.physics, threads=threads)
             if isinstance(policy, TrackedMotion | FeedbackPolicy):
                 episodes = replace(episodes, non_finite=policy.non_finite(row))
             parts.append(episodes)
@@ -158,8 +160,9 @@ def _named(fits: Sequence[Fit]) -> Iterator[None]:
         raise ContractError(f"{who}: {error}") from error
 
 
-def make_policy(fit: Fit, parameters: bytes, controller: bytes) -> Policy:
-    """Returns what drives the episodes of a fit."""
+def make_policy(cell: Cell, parameters: bytes, controller: bytes) -> Policy:
+    """Returns what drives the episodes of a cell, before anything disturbs it."""
+    fit = cell.fit
     task = get_task(fit.task)
     if fit.method == EXPERT:
         return load_expert(task).policy
@@ -167,6 +170,12 @@ def make_policy(fit: Fit, parameters: bytes, controller: bytes) -> Policy:
         get_method(fit.method, fit.variant), fit.config, task.layout, parameters
     )
     if isinstance(method, MotionMethod):
-        return TrackedMotion(method, Controller(from_bytes(controller)))
+        return TrackedMotion(method, Controller(from_bytes(controller)), cell.evaluation.replan)
     assert isinstance(method, ActionMethod)
     return FeedbackPolicy(method)
+
+
+def disturbed(policy: Policy, evaluation: Evaluation) -> Policy:
+    """Returns the policy as the conditions of an evaluation disturb it."""
+    found = find_disturbances(evaluation.disturbance, get_task(evaluation.task))
+    return Disturbed(policy, found) if found else policy

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.controller_kinds import ABOUT as ABOUT_CONTROLLERS
+from bench.names import CONDITIONS
 from bench.presets import PRESETS, Study
 from bench.spec import VALIDATION, Cell
 
@@ -62,6 +63,18 @@ ABOUT = {
         varies="Task, method, seed, number of demonstrations (10, 25, 50, 100, 150, 200).",
         own=("efficiency", "efficiency_time"),
     ),
+    "disturbed": About(
+        measures="Success when the hand starts off, the object lies elsewhere, something pushes,"
+        " sensors have errors, or actions arrive late.",
+        varies="Task, method, seed, disturbance and its strength. The expert meets the same.",
+        own=("disturbed",),
+    ),
+    "closed_loop": About(
+        measures="Success of methods that predict their motion anew from the present state on the"
+        " way, in nominal and changed physics, and disturbed.",
+        varies="Task, method, seed, how often a motion is predicted anew, physics, disturbance.",
+        own=("closed_loop",),
+    ),
     "audit": About(
         measures="How far results depend on choices that the paper leaves open.",
         varies="Task, method, seed, and one of these at a time: the variant of the method (as"
@@ -83,9 +96,9 @@ def describe_experiment(name: str) -> dict[str, Any]:
     about = ABOUT[name]
     cells = {preset: _cells(study, name) for preset, study in PRESETS.items()}
     evaluations = [cell.evaluation for cell in max(cells.values(), key=len)]
-    splits, controllers, physics, rules = (
+    splits, physics, controllers, rules, disturbances, replans = (
         list(dict.fromkeys(getattr(evaluation, field) for evaluation in evaluations))
-        for field in ("split", "controller", "physics", "rule")
+        for field in CONDITIONS
     )
     return {
         "name": name,
@@ -95,6 +108,8 @@ def describe_experiment(name: str) -> dict[str, Any]:
         "physics": physics,
         "controllers": {controller: ABOUT_CONTROLLERS[controller] for controller in controllers},
         "success_rules": rules,
+        "disturbances": disturbances,
+        "replans": replans,
         "exhibits": {"paper": list(about.paper), "own": list(about.own)},
         "presets": {
             preset: _counts(found, PRESETS[preset].episodes[name]) if found else None

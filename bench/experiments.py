@@ -12,11 +12,17 @@ from bench.settings import check_names, check_settings
 from bench.spec import EXPERT, VALIDATION, Cell
 from bench.study_demos import DemosKeys
 from methods.kodex import LIFTING_VARIANTS
+from methods.registry import get_method
+from tasks.disturbances import names_of
 from tasks.errors import InputError, described, unknown_name
 from tasks.masses import PHYSICS, READINGS, VARIATIONS
-from tasks.registry import JUDGED_OTHERWISE, PUBLISHED
+from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, get_task
 
 EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
+REPLANS = (20, 5, 1)
+"""Control steps between two predictions."""
+REPLANNED = ("joints_off_0.05", "late_1", "joints_off_0.05+late_1")
+"""The disturbances in which methods predict anew."""
 UNSEEN, OOD, ON_VALIDATION = Conditions("test"), Conditions("ood"), Conditions(VALIDATION)
 
 
@@ -66,6 +72,30 @@ def efficiency(study: Study, chosen: Sizes) -> list[Cell]:
         for fit in chosen_fits(replace(study, demos=count, expert=False), chosen)
     ]
     return cells(study, fits, [UNSEEN], study.episodes["efficiency"])
+
+
+def disturbed(study: Study, chosen: Sizes) -> list[Cell]:
+    """Success when hand, object, sensors or actions are not as they should be."""
+    found = []
+    for task in study.tasks:
+        conditions = [Conditions("test", disturbance=name) for name in names_of(get_task(task))]
+        fits = chosen_fits(replace(study, tasks=(task,)), chosen)
+        found += cells(study, fits, [UNSEEN, *conditions], study.episodes["disturbed"])
+    return found
+
+
+def closed_loop(study: Study, chosen: Sizes) -> list[Cell]:
+    """Success of methods that predict a motion anew on the way, never to at every step."""
+    fits = [fit for fit in tracked(chosen_fits(study, chosen)) if get_method(fit.method).replans]
+    conditions = [
+        replace(place, replan=replan)
+        for replan in (0, *REPLANS)
+        for place in (
+            *(Conditions("test", physics) for physics in PHYSICS),
+            *(Conditions("test", disturbance=name) for name in REPLANNED),
+        )
+    ]
+    return cells(study, fits, conditions, study.episodes["closed_loop"])
 
 
 def audit(study: Study, chosen: Sizes) -> list[Cell]:
@@ -128,6 +158,8 @@ EXPERIMENTS: dict[str, Callable[[Study, Sizes], list[Cell]]] = {
     "lifting": lifting,
     "stability": stability,
     "efficiency": efficiency,
+    "disturbed": disturbed,
+    "closed_loop": closed_loop,
     "audit": audit,
 }
 

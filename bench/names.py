@@ -7,7 +7,8 @@ A results folder holds::
         fit.json                its fields, times, host, versions, and SHA-256 of two files:
         weights.safetensors     its learnt parameters
         diagnostics.safetensors
-        eval-<split>-<physics>-<controller>-<rule>.parquet  one row an episode
+        eval-<split>-<physics>-<controller>-<rule>-<disturbance>-<replan>.parquet
+                                one row an episode
         times.json              its CPU seconds, measured by `bench time`
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
     failures/                   one file for each failed job, with the reason
@@ -19,9 +20,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from tasks.disturbances import UNDISTURBED
+from tasks.masses import NOMINAL
+from tasks.registry import APPENDIX
+
 KEY_DIGITS = 12
-CONDITIONS = ("split", "physics", "controller", "rule")
+CONDITIONS = ("split", "physics", "controller", "rule", "disturbance", "replan")
 """The fields that distinguish the evaluations of a fit."""
+PLAIN = {"physics": NOMINAL, "rule": APPENDIX, "disturbance": UNDISTURBED, "replan": 0}
+"""Those of the main comparison, in which nothing is changed."""
 MANIFEST = "study.json"
 
 

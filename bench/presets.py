@@ -52,11 +52,12 @@ def get_preset(name: str) -> Study:
 
 def experiment_names() -> list[str]:
     """Returns the names of all experiments."""
-    return [*PRESETS["paper"].episodes, "audit"]
+    return list(dict.fromkeys(name for study in PRESETS.values() for name in study.episodes))
 
 
 SMALLEST = "smallest"
 REDUCED = "Two seeds and fewer episodes than the paper's protocol; trained in full."
+BEYOND = "Five seeds, and questions that the paper does not ask."
 FOR_TESTS = (
     "`smoke` is for tests: with its few demonstrations and training epochs nothing is learnt, and"
     " its numbers mean nothing."
@@ -90,4 +91,15 @@ PRESETS = {
         }
     ),
     "audit": Study(episodes={"robustness": 200, "audit": 1000}, seeds=(1, 2, 3)),
+    "beyond": Study(
+        episodes={
+            "success": 200,
+            "ood": 200,
+            "robustness": 200,
+            "disturbed": 200,
+            "closed_loop": 200,
+        },
+        seeds=tuple(range(1, 6)),
+        note=BEYOND,
+    ),
 }

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.computing import make_policy
+from bench.computing import disturbed, make_policy
 from bench.isolation import apart
 from bench.jobs import stored_bytes
 from bench.labels import plain
@@ -133,9 +133,9 @@ def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: 
     parts = []
     for first in sorted({start // CHUNK * CHUNK for start in starts}):
         with guarded(f"{cell.fit.label} {evaluation.name}", first):
-            watcher = Watcher(make_policy(cell.fit, *stored), starts)
-            chunk = every[first : first + CHUNK]
-            found = rollout(task, chunk, watcher, evaluation.physics, whole=whole)
+            watcher = Watcher(make_policy(cell, *stored), starts)
+            chunk, driver = every[first : first + CHUNK], disturbed(watcher, evaluation)
+            found = rollout(task, chunk, driver, evaluation.physics, whole=whole)
             parts.append(watcher.finish(found))
     planned = [part.planned for part in parts if part.planned is not None]
     return Replay(

@@ -307,6 +307,7 @@ class Results:
         return {
             **self._required(folder, FIT)["spec"],
             **{name: labels[name] for name in (*CONDITIONS, "controller_key")},
+            "replan": int(labels["replan"]),
             "episodes": count,
             "successes": int(labels["successes"]),
             "diverged": int(labels["diverged"]),

@@ -16,30 +16,45 @@ from tasks.simulator import Simulator
 class TrackedMotion:
     """Tracks the motion that a method predicts from the start, by a controller (appendix A)."""
 
-    def __init__(self, method: MotionMethod, controller: Controller) -> None:
-        self.method, self.controller = method, controller
+    def __init__(self, method: MotionMethod, controller: Controller, replan: int = 0) -> None:
+        """Takes a fitted method.
+
+        Args:
+            method: predicts the motions.
+            controller: tracks them.
+            replan: a new motion is predicted from the present state every so many control steps.
+                0: never.
+        """
+        self.method, self.controller, self.replan = method, controller, replan
 
     def reset(self, simulator: Simulator) -> None:
         """Predicts the motions of all episodes, over the full length of the task."""
-        task = simulator.task
-        planned = motion(self.method, simulator.state(), task.steps)
-        self.motion = planned[:, :, : task.robot_dim]
-        self._bad = _non_finite(self.motion)
-        self._padding = ~simulator.running
+        task, count = simulator.task, len(simulator.starts)
+        self.motion = np.empty((count, task.horizon, task.robot_dim))
+        """(B, T, H), with what was predicted last for each moment."""
+        self._first_bad = np.full(count, task.horizon)
+        self._plan(simulator, 0)
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:
         """Returns the controller's actions (B, A) towards the next row of the motion."""
-        present = simulator.batch.qpos[:, : simulator.task.robot_dim]
-        acted = self.controller.act(present, self.motion[:, step + 1])
+        if self.replan and step and step % self.replan == 0:
+            self._plan(simulator, step)
+        acted = self.controller.act(simulator.joints(), self.motion[:, step + 1])
         return _diverging(acted, self._bad[:, step + 1])
 
     def non_finite(self, row: int) -> tuple[NonFinite, ...]:
         """Returns which motions were not finite, for a chunk that begins at that row."""
-        bad = self._bad[~self._padding]
-        if not bad.any():
-            return ()
-        first = int(bad.any(axis=0).argmax())
-        return (NonFinite(row, "rollout", int(bad.any(axis=1).sum()), first),)
+        bad = self._first_bad[self._first_bad < self.motion.shape[1]]
+        return (NonFinite(row, "rollout", len(bad), int(bad.min())),) if len(bad) else ()
+
+    def _plan(self, simulator: Simulator, step: int) -> None:
+        task = simulator.task
+        planned = motion(self.method, simulator.state(), task.steps - step)
+        self.motion[:, step:] = planned[:, :, : task.robot_dim]
+        self._bad = _non_finite(self.motion)
+        hit = simulator.running & self._bad[:, step:].any(axis=1)
+        first = step + self._bad[:, step:].argmax(axis=1)
+        self._first_bad = np.where(hit, np.minimum(self._first_bad, first), self._first_bad)
 
 
 class FeedbackPolicy:

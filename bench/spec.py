@@ -24,6 +24,7 @@ from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
 from tasks.demos import demos_key
+from tasks.disturbances import UNDISTURBED, find_disturbances
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, physics_names
 from tasks.pins import mark
@@ -122,6 +123,10 @@ class Evaluation:
     controller_key: str = ""
     rule: str = APPENDIX
     """The rule that decides on success."""
+    disturbance: str = UNDISTURBED
+    """What else goes wrong, see `tasks.disturbances`."""
+    replan: int = 0
+    """A motion is predicted anew every so many control steps; 0: never."""
 
     def __post_init__(self) -> None:
         if self.split not in EVALUATION_SPLITS:
@@ -129,7 +134,9 @@ class Evaluation:
         known = physics_names(self.task)
         if self.physics not in known:
             raise unknown_name("physics", self.physics, known)
-        get_task(self.task, self.rule)
+        if self.replan < 0:
+            raise InputError(f"replan must be 0 or more control steps, got {self.replan}")
+        find_disturbances(self.disturbance, get_task(self.task, self.rule))
 
     @property
     def name(self) -> str:

@@ -9,11 +9,10 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
+from bench.names import PLAIN
 from bench.presets import get_preset
 from bench.selection import chosen_sizes, used_size
 from methods.registry import SUITE, get_method
-from tasks.masses import NOMINAL
-from tasks.registry import APPENDIX
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,8 +96,7 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
         frame.task.isin(tasks)
         & frame.method.isin(SUITE)
         & (frame.split == "test")
-        & (frame.physics == NOMINAL)
-        & (frame.rule == APPENDIX)
+        & frame[[*PLAIN]].eq(list(PLAIN.values())).all(axis=1)
         & (frame.variant == "described")
         & (frame.settings == "")
         & (frame.held_out == 0)

@@ -67,6 +67,10 @@ class Method(ABC):
     """True if `fit` uses the validation demonstrations. The experiment ``efficiency`` then takes
     them out of the few demonstrations that it gives."""
 
+    replans: ClassVar[bool] = False
+    """True if it predicts a motion from any state, not only from a start. The experiment
+    ``closed_loop`` then asks for a new one on the way."""
+
     def __init__(self, config: Any, layout: Layout) -> None:
         self.config = config
         self.layout = layout

@@ -33,6 +33,7 @@ VARIANT_RULES: dict[str, Callable[[Subject], None]] = {
         rules.same_seed_same_answer,
         rules.seeds_alone_or_together,
         rules.batch_invariance,
+        rules.replans_from_any_state,
         rules.states_untouched,
         rules.process_untouched,
         rules.global_streams_unused,

@@ -28,6 +28,8 @@ class Description:
     """True if it overrides `fit_seeds`."""
     validates: bool
     """True if it uses validation demonstrations."""
+    replans: bool
+    """True if it predicts motions from any state."""
     sizes: Mapping[str, Mapping[str, Any]]
     """For each size, the config's values (`methods.contract.resolved`)."""
     default_size: Mapping[str, str]
@@ -65,6 +67,7 @@ def describe_method(method: type[Method]) -> Description:
         motions=issubclass(method, MotionMethod),
         together=fits_together(method),
         validates=bool(method.validates),
+        replans=bool(method.replans),
         sizes={size: resolved(config) for size, config in method.sizes.items()},
         default_size={str(task): str(size) for task, size in method.default_size.items()},
         variants={name: dict(changes) for name, changes in method.variants.items()},
@@ -106,6 +109,7 @@ def stand_in(description: Description) -> type[Method]:
         "summary": description.summary,
         "version": description.version,
         "validates": description.validates,
+        "replans": description.replans,
         "sizes": {size: from_json(config, v) for size, v in description.sizes.items()},
         "default_size": description.default_size,
         "variants": description.variants,

@@ -61,6 +61,7 @@ class Kodex(MotionMethod):
 
     name = "kodex"
     summary = "Koopman operator on polynomial observables"
+    replans = True
     version = 2
     sizes: ClassVar[Mapping[str, KodexConfig]] = {"single": KodexConfig()}
     default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(

@@ -37,6 +37,7 @@ class NN(NetworkMethod):
 
     name = "nn"
     summary = "multilayer perceptron, one state after another"
+    replans = True
     version = 2
     sizes: ClassVar[Mapping[str, NNConfig]] = {
         "small": NNConfig(hidden=(32, 64, 32)),

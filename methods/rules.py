@@ -14,7 +14,7 @@ from methods.base import (
     config_of,
     fits_together,
 )
-from methods.contract import build, resolved
+from methods.contract import build, motion, resolved
 from methods.description import describe_method
 from methods.guard import guarded
 from methods.names import check_method_name
@@ -126,6 +126,19 @@ def batch_invariance(subject: Subject) -> None:
     alone = [answer(asked, demos[i : i + 1]) for i in range(len(demos))]
     apart = _difference(subject, subject.answer(), np.concatenate(alone))
     _require(apart <= TOLERANCE, f"answers alone and together are {apart:g} apart")
+
+
+def replans_from_any_state(subject: Subject) -> None:
+    """A method that replans predicts a finite motion from a state on the way, and begins there."""
+    if not subject.method.replans:
+        return
+    asked, on_the_way = subject.load(), unseen().states[:, HORIZON // 2]
+    if not isinstance(asked, MotionMethod):
+        raise RuleBrokenError("it says that it replans, but it predicts no motions")
+    found = motion(asked, on_the_way, HORIZON // 4)
+    _require(bool(np.isfinite(found).all()), "its motion from a state on the way is not finite")
+    begins = np.array_equal(found[:, 0], on_the_way[:, : found.shape[2]])
+    _require(begins, "its motion from a state on the way does not begin there")
 
 
 def states_untouched(subject: Subject) -> None:

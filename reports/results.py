@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL, TUNED
 from bench.labels import EXPERT, labelled
-from bench.names import CONDITIONS
+from bench.names import CONDITIONS, PLAIN
 from bench.packed import SHIPPED, open_results
 from bench.selection import best_size
 from bench.source import Source
@@ -25,7 +25,6 @@ from reports.seed_statistics import rate
 from reports.style import METHODS, TASKS, display, ordered
 from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
-from tasks.registry import APPENDIX
 
 SIZES = ("small", "median", "large")
 COMPARED = (NO_CONTROLLER, ORIGINAL, TUNED)
@@ -285,7 +284,7 @@ class Results:
         Defaults: methods as described, nominal physics, success by appendix C, and the
         controllers `COMPARED`.
         """
-        wanted = {"variant": "described", "physics": "nominal", "rule": APPENDIX} | values
+        wanted = PLAIN | {"variant": "described"} | values
         frame = self.frame
         keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
         if "controller" not in values:

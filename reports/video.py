@@ -137,7 +137,7 @@ def take(folder: Path, task: Task, method: str, starts: Starts) -> Take:
     cell = stored_cell(stored, _row(results, task.name, method, starts.seed), 1)
     if cell.fit.method != EXPERT:
         known(cell.fit.method)  # importing the package may end the process
-    policy = make_policy(cell.fit, *stored_bytes(cell, stored))
+    policy = make_policy(cell, *stored_bytes(cell, stored))
     recorder = RecordingPolicy(policy)
     outcome = rollout(task, starts, recorder, threads=1, whole=True)
     positions = np.stack([*recorder.positions, recorder.simulator.batch.qpos[0]])

@@ -85,6 +85,8 @@ class Task(ABC):
     """The MjData fields, besides qpos and qvel, that the task may read."""
     sensors: ClassVar[tuple[str, ...]] = ()
     """The sensors that the observation reads. The model's other sensors are removed."""
+    object_slides: ClassVar[tuple[str, ...]] = ()
+    """The joints by which the object moves freely in the plane; none if it does not."""
 
     @property
     def steps(self) -> int:

@@ -24,8 +24,7 @@ CLIP = 10.0
 
 def expert_input(simulator: Simulator) -> FloatArray:
     """Returns the input of an expert, (B, I): the observation and the hand's joint velocities."""
-    velocities = simulator.batch.qvel[:, : simulator.task.robot_dim]
-    return np.concatenate([simulator.observe(), VELOCITY_SCALE * velocities], axis=1)
+    return np.concatenate([simulator.observe(), VELOCITY_SCALE * simulator.velocities()], axis=1)
 
 
 class Expert:

@@ -40,8 +40,7 @@ class Recorder:
 
     def _see(self) -> None:
         self._states.append(self._simulator.state())
-        robot_dim = self._simulator.task.robot_dim
-        self._velocities.append(self._simulator.batch.qvel[:, :robot_dim].copy())
+        self._velocities.append(self._simulator.velocities())
 
     def finish(self, rows: IntArray) -> Demos:
         """Returns the recordings of some episodes. Call it once, after the last step."""

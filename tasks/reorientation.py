@@ -31,6 +31,7 @@ class Reorientation(Task):
     model_file = "adroit_pen.xml"
     horizon = 100
     robot_dim = 24
+    object_slides = ("OBJTx", "OBJTy")
 
     # Starts
     start_components = (

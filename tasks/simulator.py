@@ -101,6 +101,18 @@ class Simulator:
         """Returns the current state x = [x_r, x_o], (B, D)."""
         return self.task.state(self.batch)
 
+    def joints(self) -> FloatArray:
+        """Returns the positions of the hand's joints, (B, H) [rad, m]."""
+        return self.batch.qpos[:, : self.task.robot_dim].copy()
+
+    def velocities(self) -> FloatArray:
+        """Returns the velocities of the hand's joints, (B, H) [rad/s, m/s]."""
+        return self.batch.qvel[:, : self.task.robot_dim].copy()
+
+    def set_points(self) -> FloatArray:
+        """Returns the actions (B, A) whose set-points the servos hold now."""
+        return (self.batch.ctrl - self._middle) / self._half_range
+
     def observe(self) -> FloatArray:
         """Returns the environment's current observation, one row per episode."""
         with _quiet():

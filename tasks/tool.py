@@ -30,6 +30,7 @@ class Tool(Task):
     robot_dim = 26
     derived_fields = (*Task.derived_fields, "xmat", "geom_xpos", "sensordata")
     sensors = ("S_nail",)
+    object_slides = ("OBJTx", "OBJTy")
 
     # Starts
     start_components = (Component("nail_height", "m", "body_pos nail_board, z"),)

@@ -83,3 +83,73 @@ def test_finite_answers_are_not_counted():
     policy = FeedbackPolicy(Spoilt(0.0))
     rollout(DOOR, DOOR.sample("test", 2), policy, steps=4, chunk=2)
     assert policy.non_finite(0) == ()
+
+
+class Onward(Answering):
+    """Each joint moves on by 0.01 at each step; it keeps from where, and how far, it was asked."""
+
+    layout = DOOR.layout
+
+    def __init__(self):
+        self.asked = []
+
+    def rollout(self, start, steps):
+        self.asked.append((start, steps))
+        hand = start[:, None, : DOOR.robot_dim]
+        return hand + 0.01 * np.arange(steps + 1)[:, None]
+
+
+class Wanted:
+    """A controller that returns no motion, and keeps what it was asked for."""
+
+    def __init__(self):
+        self.pairs = []
+
+    def act(self, present, wanted):
+        self.pairs.append((present, wanted.copy()))
+        return np.zeros((len(present), DOOR.layout.action_dim))
+
+
+@pytest.mark.parametrize("replan", [1, 3])
+def test_a_motion_is_predicted_anew_from_the_present_state(replan):
+    method, controller, seen = Onward(), Wanted(), []
+    policy = TrackedMotion(method, controller, replan)
+    simulator = Simulator(DOOR, DOOR.sample("test", 2), threads=1)
+    policy.reset(simulator)
+    for step in range(7):
+        seen.append(simulator.state())
+        simulator.step(policy.act(simulator, step))
+    begun = [*range(0, 7, replan)]
+    assert [steps for _, steps in method.asked] == [DOOR.steps - step for step in begun]
+    for (start, _), step in zip(method.asked, begun, strict=True):
+        np.testing.assert_array_equal(start, seen[step])
+    for step, (present, wanted) in enumerate(controller.pairs):
+        np.testing.assert_array_equal(present, seen[step][:, : DOOR.robot_dim])
+        since = step % replan
+        expected = seen[step - since][:, : DOOR.robot_dim] + 0.01 * (since + 1)
+        np.testing.assert_allclose(wanted, expected, atol=1e-12)
+    np.testing.assert_array_equal(policy.motion[:, 6], seen[6][:, : DOOR.robot_dim])
+
+
+def test_without_replanning_a_motion_is_predicted_once():
+    method = Onward()
+    policy = TrackedMotion(method, Wanted())
+    rollout(DOOR, DOOR.sample("test", 2), policy, steps=5, chunk=2)
+    assert len(method.asked) == 1
+
+
+class SpoiltLater(Onward):
+    """What it predicts anew is not finite two states later, in the second episode."""
+
+    def rollout(self, start, steps):
+        motion = super().rollout(start, steps)
+        if len(self.asked) > 1:
+            motion[1, 2:] = np.nan
+        return motion
+
+
+def test_a_new_motion_that_is_not_finite_is_counted_once_where_it_begins():
+    policy = TrackedMotion(SpoiltLater(), Controller(STILL), replan=4)
+    episodes = rollout(DOOR, DOOR.sample("test", 3), policy, steps=12, chunk=4)
+    assert episodes.diverged.tolist() == [False, True, False]
+    assert policy.non_finite(0) == (NonFinite(0, "rollout", 1, 6),)

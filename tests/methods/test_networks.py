@@ -456,3 +456,13 @@ def test_each_size_of_a_network_has_more_weights_than_the_previous_one(method):
     drawn = [method(config, LAYOUT).draw(rng) for config in method.sizes.values()]
     counts = [sum(array.size for array in arrays.values()) for arrays in drawn]
     assert counts == sorted(set(counts))
+
+
+def test_nn_predicts_the_rest_of_its_own_motion_from_any_state_of_it():
+    demos = toy(0, 12)
+    method = NN(replace(NN.sizes["small"], epochs=3), LAYOUT)
+    method.fit(demos, demos, 1)
+    whole = method.rollout(toy(2, 4).states[:, 0], 40)
+    for t in (1, 17, 39):
+        rest = method.rollout(whole[:, t], 40 - t)
+        np.testing.assert_allclose(rest, whole[:, t:], atol=1e-5)

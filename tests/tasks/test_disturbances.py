@@ -1,0 +1,171 @@
+import numpy as np
+import pytest
+
+from tasks.data import join_episodes
+from tasks.disturbances import KINDS, UNDISTURBED, find_disturbances, names_of
+from tasks.disturbed import Disturbed
+from tasks.errors import InputError
+from tasks.experts import load_expert
+from tasks.registry import TASKS, get_task
+from tasks.simulator import Simulator, rollout
+
+RELOCATION = get_task("relocation")
+
+
+class Still:
+    """Commands nothing new, and keeps what it reads."""
+
+    def reset(self, simulator):
+        self.states, self.commands = [simulator.state()], []
+
+    def act(self, simulator, step):
+        self.states.append(simulator.state())
+        self.joints, self.observed = simulator.joints(), simulator.observe()
+        self.velocities = simulator.velocities()
+        self.commands.append(np.full((len(self.joints), simulator.task.layout.action_dim), step))
+        return 0.01 * self.commands[-1]
+
+
+def drive(name, steps, starts=None, policy=None, task=RELOCATION):
+    policy = policy or Still()
+    starts = task.sample("test", 4, 1) if starts is None else starts
+    simulator = Simulator(task, starts, threads=1)
+    disturbed = Disturbed(policy, find_disturbances(name, task))
+    disturbed.reset(simulator)
+    for step in range(steps):
+        simulator.step(disturbed.act(simulator, step))
+    return simulator, policy
+
+
+def reset(name, task=RELOCATION, count=200):
+    return drive(name, 0, task.sample("test", count, 1), task=task)[0]
+
+
+def test_hinges_start_off_by_normal_errors_within_their_limits():
+    model, moved = RELOCATION.model, reset("joints_off_0.05").batch.qpos
+    slides, hinges = slice(0, 3), np.arange(3, RELOCATION.robot_dim)
+    assert not moved[:, slides].any()
+    low, high = model.jnt_range[hinges].T
+    assert (moved[:, hinges] >= low).all()
+    assert (moved[:, hinges] <= high).all()
+    free = hinges[(low < -0.3) & (high > 0.3)]
+    assert moved[:, free].std() == pytest.approx(0.05, rel=0.1)
+    assert abs(moved[:, free].mean()) < 0.01
+
+
+def test_errors_of_another_strength_are_the_same_but_for_their_size():
+    weak, strong = (reset(f"joints_off_{s}").batch.qpos for s in (0.02, 0.04))
+    wrist = slice(3, 6)
+    np.testing.assert_allclose(2 * weak[:, wrist], strong[:, wrist], atol=1e-12)
+
+
+@pytest.mark.parametrize("task", ["tool", "relocation", "reorientation"])
+def test_objects_start_elsewhere_in_the_plane(task):
+    task = get_task(task)
+    plain = Simulator(task, task.sample("test", 200, 1), threads=1).batch.qpos
+    moved = reset("object_off_0.01", task).batch.qpos - plain
+    changed = np.flatnonzero(moved.any(axis=0))
+    assert [task.model.joint(int(i)).name for i in changed] == ["OBJTx", "OBJTy"]
+    assert moved[:, changed].std() == pytest.approx(0.01, rel=0.15)
+
+
+def test_a_push_comes_once_in_the_first_half():
+    starts = RELOCATION.sample("test", 30, 1)
+    simulator = Simulator(RELOCATION, starts, threads=1)
+    disturbed = Disturbed(Still(), find_disturbances("hand_push_4+object_push_0.4", RELOCATION))
+    disturbed.reset(simulator)
+    pushed = np.zeros((RELOCATION.steps, 30, simulator.batch.qvel.shape[1]), bool)
+    for step in range(RELOCATION.steps):
+        before = simulator.batch.qvel.copy()
+        disturbed.act(simulator, step)
+        pushed[step] = simulator.batch.qvel != before
+    hand, ball = pushed[:, :, 5], pushed[:, :, RELOCATION.model.joint("OBJTx").id]
+    for when in (hand, ball):
+        assert (when.sum(axis=0) == 1).all()
+        assert not when[RELOCATION.steps // 2 :].any()
+    assert (hand != ball).any()
+    assert not pushed[:, :, :3].any()
+
+
+def test_what_is_read_has_errors_and_the_simulation_has_none():
+    plain, noisy = (drive(name, 3) for name in (UNDISTURBED, "noise_0.03"))
+    np.testing.assert_array_equal(plain[0].batch.qpos, noisy[0].batch.qpos)
+    width = RELOCATION.robot_dim
+    for name in ("joints", "velocities", "observed"):
+        errors = getattr(noisy[1], name) - getattr(plain[1], name)
+        assert errors.std() == pytest.approx(0.03, rel=0.3)
+    np.testing.assert_array_equal(noisy[1].states[-1][:, :width], noisy[1].joints)
+    first, last = noisy[1].states[1], noisy[1].states[-1]
+    assert not np.array_equal(first - plain[1].states[1], last - plain[1].states[-1])
+
+
+@pytest.mark.parametrize("late", [1, 2])
+def test_actions_arrive_late_and_servos_rest_until_then(late):
+    policy, arrived = Still(), []
+    simulator = Simulator(RELOCATION, RELOCATION.sample("test", 2, 1), threads=1)
+    disturbed = Disturbed(policy, find_disturbances(f"late_{late}", RELOCATION))
+    disturbed.reset(simulator)
+    rest = simulator.set_points()
+    for step in range(5):
+        arrived.append(disturbed.act(simulator, step))
+    for acted in arrived[:late]:
+        np.testing.assert_array_equal(acted, rest)
+    sent = [0.01 * command for command in policy.commands]
+    np.testing.assert_array_equal(arrived[late:], sent[: 5 - late])
+    simulator.step(rest)
+    assert not simulator.batch.ctrl.any()
+
+
+def test_episodes_do_not_depend_on_threads_or_grouping():
+    name = "joints_off_0.05+noise_0.01+hand_push_1+late_1"
+    found = find_disturbances(name, RELOCATION)
+    expert, starts = load_expert(RELOCATION).policy, RELOCATION.sample("test", 6, 2)
+
+    def run(part, threads):
+        return rollout(
+            RELOCATION, part, Disturbed(expert, found), steps=40, chunk=6, threads=threads
+        )
+
+    whole = run(starts, 2)
+    parts = join_episodes([run(starts[:2], 1), run(starts[2:], 1)])
+    np.testing.assert_array_equal(whole.readings, parts.readings)
+
+
+def test_seeds_meet_other_disturbances():
+    one, other = (
+        drive("joints_off_0.05", 0, RELOCATION.sample("test", 3, seed))[0].batch.qpos
+        for seed in (1, 2)
+    )
+    assert (one[:, 5] != other[:, 5]).all()
+
+
+def test_every_task_names_the_disturbances_that_it_can_have():
+    for name in TASKS:
+        task = get_task(name)
+        names = names_of(task)
+        assert all(find_disturbances(one, task) for one in names)
+        kinds = {one.rpartition("_")[0] for one in names}
+        assert set(KINDS) - kinds == ({"object_off", "object_push"} if name == "door" else set())
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("joint_off_0.05", "did you mean 'joints_off'"),
+        ("joints_off", "did you mean 'joints_off'|strength"),
+        ("joints_off_-1", "must be a number above 0"),
+        ("joints_off_nan", "must be a number above 0"),
+        ("late_1.5", "must be a whole number above 0"),
+        ("late_1+late_2", "names a kind twice"),
+        ("joints_off_0.050", "is written 'joints_off_0.05'"),
+        ("late_1+", "kind of disturbance"),
+    ],
+)
+def test_names_that_mean_nothing_are_refused(name, answer):
+    with pytest.raises(InputError, match=answer):
+        find_disturbances(name, RELOCATION)
+
+
+def test_an_object_that_cannot_move_is_not_disturbed():
+    with pytest.raises(InputError, match="the object of door is not free to move"):
+        find_disturbances("object_off_0.01", get_task("door"))
