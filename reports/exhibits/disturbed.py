@@ -1,0 +1,92 @@
+"""Success when hand, object, sensors or actions are not as they should be."""
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from reports.charts import add_legend, dot_single_fits, errors_of
+from reports.exhibit import Exhibit
+from reports.results import Results
+from reports.style import METHODS, TASKS, colour, dashes, display, marker, ordered
+from reports.tables import in_order, success_table, table_of
+from tasks.disturbances import KINDS, UNDISTURBED, Disturbance
+
+PANEL = (1.65, 1.6)
+"""Width and height of a panel [inches]."""
+AXES = {
+    "joints_off": "joints off",
+    "object_off": "object off",
+    "hand_push": "push on hand",
+    "object_push": "push on object",
+    "noise": "noise",
+    "late": "late",
+}
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each method and disturbance, and a column for each task."""
+    names = [Disturbance(k, s).name for k, kind in KINDS.items() for s in kind.strengths]
+    parts = [results.main(split="test", disturbance=name) for name in names]
+    if all(part.empty for part in parts):
+        return table_of()
+    found = pd.concat([results.main(split="test"), *parts])
+    label = found.method + " " + found.disturbance
+    rows = [f"{method} {name}" for method in METHODS for name in (UNDISTURBED, *names)]
+    rates = in_order(success_table(results, found.assign(label=label), "label", "task"), rows)
+    parts = rates.row.str.rsplit(" ", n=1, expand=True)
+    kinds = parts[1].str.rsplit("_", n=1, expand=True)
+    strength = pd.to_numeric(kinds[1]).fillna(0.0)
+    return rates.assign(method=parts[0], kind=kinds[0], strength=strength)
+
+
+def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns a row of panels for each task: success by strength, a panel for each kind."""
+    tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
+    kinds = [kind for kind in KINDS if kind in set(table.kind)]
+    size = (PANEL[0] * len(kinds) + 0.6, PANEL[1] * len(tasks) + 0.8)
+    drawing = Figure(figsize=size)
+    panels = drawing.subplots(len(tasks), len(kinds), sharey=True, sharex="col", squeeze=False)
+    for task, row in zip(tasks, panels, strict=True):
+        for kind, axes in zip(kinds, row, strict=True):
+            here = table[(table.column == task) & table.kind.isin([UNDISTURBED, kind])]
+            if (here.kind == kind).any():
+                _draw(axes, here, methods, exhibit)
+            else:
+                axes.set_axis_off()
+        row[0].set_ylabel(display(task), fontweight="bold")
+    for kind, axes in zip(kinds, panels[-1], strict=True):
+        axes.set_xlabel(f"{AXES[kind]} [{KINDS[kind].unit}]")
+    panels[0, 0].set_ylim(-3, 103)
+    drawing.supylabel(exhibit.axis, fontsize=10)
+    add_legend(drawing, exhibit)
+    return drawing
+
+
+def _draw(axes: Axes, here: pd.DataFrame, methods: list[str], exhibit: Exhibit) -> None:
+    for method in methods:
+        part = here[here.method == method].sort_values("strength")
+        drawn = axes.errorbar(
+            part.strength,
+            part.value,
+            errors_of(part),
+            marker=marker(method, methods),
+            ls=dashes(method, methods),
+            ms=3.5,
+            lw=1.2,
+            elinewidth=0.7,
+            color=colour(method, methods),
+            label=exhibit.display(method),
+        )
+        dot_single_fits(drawn, part)
+
+
+EXHIBIT = Exhibit(
+    name="disturbed",
+    title="Disturbed",
+    about="Success [%] on test starts when something is off, by its strength: normal errors of the"
+    " hinges of the hand at the start, of the object's place, of what is read; a push at a random"
+    " step of the first half; actions that arrive late. All methods meet the same.",
+    table=table,
+    part="robustness",
+    figure=figure,
+)
