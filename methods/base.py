@@ -154,8 +154,13 @@ class ActionMethod(Method):
     """Chooses an action in each state, with feedback."""
 
     @abstractmethod
-    def reset(self, starts: FloatArray) -> None:
-        """Prepares for episodes that begin at the states ``starts`` (B, D)."""
+    def reset(self, starts: FloatArray, rngs: Sequence[np.random.Generator]) -> None:
+        """Prepares for episodes.
+
+        Args:
+            starts: the states at which they begin, (B, D).
+            rngs: for each episode, the only source of randomness of its actions.
+        """
 
     @abstractmethod
     def act(self, state: FloatArray, t: int) -> NDArray[np.floating[Any]]:

@@ -242,14 +242,19 @@ def motion(method: MotionMethod, start: FloatArray, steps: int) -> FloatArray:
         return _floats(method.rollout(start.copy(), steps), "rollout", shapes)
 
 
-def begin(method: ActionMethod, starts: FloatArray) -> None:
-    """Resets a method for episodes that begin at the states ``starts`` (B, D).
+def begin(method: ActionMethod, starts: FloatArray, rngs: Sequence[np.random.Generator]) -> None:
+    """Resets a method for episodes.
+
+    Args:
+        method: a fitted method.
+        starts: the states at which episodes begin, (B, D).
+        rngs: for each episode, the generator of its random numbers.
 
     Raises:
         ContractError: the method raises.
     """
     with _calling("reset"):
-        method.reset(starts.copy())
+        method.reset(starts.copy(), list(rngs))
 
 
 def actions(method: ActionMethod, state: FloatArray, t: int) -> FloatArray:

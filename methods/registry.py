@@ -24,12 +24,17 @@ _CLASSES = {
     "ngf": "NGF",
     "nearest": "Nearest",
     "regression": "Regression",
+    "bc": "BC",
+    "chunk": "Chunk",
+    "flow": "Flow",
 }
 SUITE = tuple(_CLASSES)
 """The methods of this suite. Methods of packages are used only if they are named."""
 TO_BEAT = ("nearest", "regression")
 """The methods among them that learn next to nothing: what a method has to beat."""
-PAPER = tuple(name for name in SUITE if name not in TO_BEAT)
+CLOSED_LOOP = ("bc", "chunk", "flow")
+"""The methods that see what happens and choose an action in each state."""
+PAPER = tuple(name for name in SUITE if name not in (*TO_BEAT, *CLOSED_LOOP))
 """The methods of the paper."""
 _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
 """Variants with a class of their own."""

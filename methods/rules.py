@@ -20,7 +20,7 @@ from methods.guard import guarded
 from methods.names import check_method_name
 from methods.registry import class_fault
 from methods.subject import Subject, subjects
-from methods.toy import HORIZON, LAYOUT, answer, unseen
+from methods.toy import HORIZON, LAYOUT, answer, streams, unseen
 from tasks.data import BoolArray, FloatArray
 
 MORE_EPOCHS = (20, 80)
@@ -143,13 +143,14 @@ def replans_from_any_state(subject: Subject) -> None:
 
 def states_untouched(subject: Subject) -> None:
     """`rollout`, `reset` and `act` do not write to the states that they are given."""
-    starts, asked = unseen().states[:, 0], subject.load()
+    demos, asked = unseen(), subject.load()
+    starts = demos.states[:, 0]
     given = starts.copy()
     if isinstance(asked, MotionMethod):
         asked.rollout(given, HORIZON - 1)
     else:
         assert isinstance(asked, ActionMethod)
-        asked.reset(given)
+        asked.reset(given, streams(demos.starts))
         asked.act(given, 0)
     _require(np.array_equal(given, starts), "it wrote to the states that it was given")
 

@@ -17,7 +17,7 @@ class Answering:
     def __init__(self, dtype):
         self.dtype = dtype
 
-    def reset(self, starts):
+    def reset(self, starts, rngs):
         pass
 
     def act(self, state, t):

@@ -211,7 +211,7 @@ class Enums(Sound):
 
 
 class Both(Sound, ActionMethod):
-    def reset(self, starts):
+    def reset(self, starts, rngs):
         pass
 
     def act(self, state, t):

@@ -77,7 +77,7 @@ class Steering(ActionMethod):
     def load(self, parameters):
         self._gain = parameters["gain"]
 
-    def reset(self, starts):
+    def reset(self, starts, rngs):
         pass
 
     def act(self, state, t):

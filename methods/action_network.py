@@ -1,0 +1,194 @@
+"""The base of closed-loop networks: they learn what the demonstrations do in each state.
+
+States and actions are standardised. A training sample is a state x(t) and its chunk, the next C
+actions u(t), ..., u(t+C-1); a demonstration that ends earlier repeats its last action. The kept
+weights are those with the lowest loss on the validation demonstrations.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from methods.base import ActionMethod, NotFittedError, Parameters, check_above
+from methods.layers import Weights, tensor
+from methods.scale import Scale
+from methods.training import Schedule, Trained, minimise, one_thread
+from tasks.data import Demos, FloatArray, Layout, generator
+
+Rngs = Sequence[np.random.Generator]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionConfig(Schedule):
+    """Layers and training of a closed-loop network."""
+
+    hidden: tuple[int, ...]
+    decay: bool = True
+    epochs: int = 100
+    batch_size: int = 256
+    learning_rate: float = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "hidden")
+
+
+class ActionNetwork(ActionMethod):
+    """A closed-loop method with a network. Its configs derive from `ActionConfig`."""
+
+    validates = True
+    length: int = 1
+    """C, the number of actions that are learnt for a state."""
+    horizon: int = 1
+    """How many of them are taken before the next are asked for."""
+
+    def __init__(self, config: Any, layout: Layout) -> None:
+        super().__init__(config, layout)
+        self._arrays: Parameters | None = None
+        self._trained: Trained | None = None
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns the initial weights of one network."""
+
+    @abstractmethod
+    def loss(self, weights: Weights, x: Tensor, u: Tensor, *noise: Tensor) -> Tensor:
+        """Returns the loss of each network, (S,).
+
+        Args:
+            weights: the weights.
+            x: standardised states, (S, B, D).
+            u: their standardised chunks, (S, B, C A).
+            noise: what `noise` drew for them, (S, B, ...).
+        """
+
+    @abstractmethod
+    def predict(self, weights: Weights, x: Tensor, rngs: Rngs) -> Tensor:
+        """Returns standardised chunks (1, B, C A) for states (1, B, D); rngs as in `reset`."""
+
+    def noise(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, ...]:
+        """Returns the random numbers of a number of samples. Default: none."""
+        return ()
+
+    def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
+        """Trains one network."""
+        (fitted,) = self.fit_seeds(self.config, self.layout, [demos], [validation], [seed])
+        self._arrays, self._trained = fitted._arrays, fitted._trained
+
+    @classmethod
+    def fit_seeds(
+        cls,
+        config: Any,
+        layout: Layout,
+        demos: Sequence[Demos],
+        validation: Sequence[Demos],
+        seeds: Sequence[int],
+    ) -> list[Self]:
+        """Trains the networks of all seeds together, each on its own demonstrations."""
+        methods = [cls(config, layout) for _ in seeds]
+        one = methods[0]
+        scales = [_Scales.of(of_seed) for of_seed in demos]
+        samples = [
+            scale.samples(of_seed, one.length) for scale, of_seed in zip(scales, demos, strict=True)
+        ]
+        unseen = [
+            scale.samples(of_seed, one.length)
+            for scale, of_seed in zip(scales, validation, strict=True)
+        ]
+        shown = [tensor(np.stack(arrays)) for arrays in zip(*unseen, strict=True)]
+        rngs = [generator("noise", cls.name, seed) for seed in seeds]
+        fixed = one._noises([generator("validation noise", cls.name, s) for s in seeds], shown[0])
+
+        trained = minimise(
+            draw=one.draw,
+            loss=lambda weights, x, u: one.loss(weights, x, u, *one._noises(rngs, x)),
+            data=samples,
+            schedule=config,
+            name=cls.name,
+            seeds=seeds,
+            validate=lambda weights: one.loss(weights, *shown, *fixed),
+        )
+        for method, result, scale in zip(methods, trained, scales, strict=True):
+            method._arrays = result.weights | scale.arrays()
+            method._trained = result
+        return methods
+
+    def _noises(self, rngs: Rngs, x: Tensor) -> list[Tensor]:
+        drawn = [self.noise(rng, x.shape[1]) for rng in rngs]
+        return [tensor(np.stack(arrays)) for arrays in zip(*drawn, strict=True)]
+
+    def parameters(self) -> Parameters:
+        """Returns the weights and the scaling of states and actions."""
+        if self._arrays is None:
+            raise NotFittedError(f"this {self.name} has no weights yet: call fit or load")
+        return self._arrays
+
+    def load(self, parameters: Parameters) -> None:
+        """Restores the weights and the scaling of states and actions."""
+        self._arrays, self._trained = dict(parameters), None
+
+    def reset(self, starts: FloatArray, rngs: Rngs) -> None:
+        """Forgets the chunks of earlier episodes."""
+        self._rngs, self._chunks, self._since = rngs, np.empty(0), self.horizon
+
+    def act(self, state: FloatArray, t: int) -> FloatArray:
+        """Returns the next actions (B, A) of the chunks, new ones every `horizon` steps."""
+        if self._since >= self.horizon:
+            self._chunks, self._since = self._new_chunks(state), 0
+        self._since += 1
+        return self._chunks[:, self._since - 1]
+
+    def _new_chunks(self, state: FloatArray) -> FloatArray:
+        arrays = self.parameters()
+        scales = _Scales.from_arrays(arrays)
+        weights = {
+            name: tensor(array)[None]
+            for name, array in arrays.items()
+            if not name.startswith(("state_", "action_"))
+        }
+        x = tensor(scales.states.apply(state))
+        with one_thread(), torch.no_grad():
+            found = self.predict(weights, x[None], self._rngs)[0].double().numpy()
+        chunks = found.reshape(len(state), self.length, self.layout.action_dim)
+        return np.clip(scales.actions.undo(chunks), -1.0, 1.0)
+
+    def diagnostics(self) -> Parameters:
+        """Returns, after a fit, the ``losses`` and ``validation_losses`` of each epoch."""
+        if self._trained is None:
+            return {}
+        return {"losses": self._trained.losses, "validation_losses": self._trained.validation}
+
+
+@dataclass(frozen=True)
+class _Scales:
+    """The standardisation of states and of actions."""
+
+    states: Scale
+    actions: Scale
+
+    @classmethod
+    def of(cls, demos: Demos) -> "_Scales":
+        return cls(Scale.of(demos.states, True), Scale.of(demos.actions, True))
+
+    @classmethod
+    def from_arrays(cls, arrays: Parameters) -> "_Scales":
+        states, actions = (
+            Scale(arrays[f"{what}_mean"], arrays[f"{what}_scale"]) for what in ("state", "action")
+        )
+        return cls(states, actions)
+
+    def arrays(self) -> Parameters:
+        found = {"action_mean": self.actions.state_mean, "action_scale": self.actions.state_scale}
+        return self.states._asdict() | found
+
+    def samples(self, demos: Demos, length: int) -> tuple[FloatArray, FloatArray]:
+        """Returns standardised states (N (T-1), D) and their chunks (N (T-1), C A)."""
+        x, u = self.states.apply(demos.states[:, :-1]), self.actions.apply(demos.actions)
+        steps = u.shape[1]
+        taken = np.minimum(np.arange(steps)[:, None] + np.arange(length), steps - 1)
+        return x.reshape(-1, x.shape[-1]), u[:, taken].reshape(len(x) * steps, -1)

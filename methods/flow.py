@@ -1,0 +1,90 @@
+"""Flow: chunks of actions drawn from a distribution that is learnt by flow matching.
+
+A velocity field carries noise a(0) ~ N(0, I) to a chunk a(1) along straight lines,
+
+    a(s) = (1 - s) a(0) + s a(1),    da/ds = v(a(s), s, x),
+
+and v is the network that minimises |v(a(s), s, x) - (a(1) - a(0))|^2 over demonstrations, noise and
+s uniform in [0, 1] (Lipman et al., "Flow Matching for Generative Modeling", 2023). A chunk is drawn
+by Euler's method in a few steps of s, and its first actions are taken, as in `methods.chunk`. It is
+not in the paper.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from methods.action_network import ActionNetwork, Rngs
+from methods.base import check_above
+from methods.chunk import ChunkConfig
+from methods.layers import Weights, mlp, mlp_weights, tensor
+from tasks.data import FloatArray, Layout
+
+FREQUENCIES = 4
+"""Number of sines, and of cosines, by which the network sees s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowConfig(ChunkConfig):
+    """The settings of flow matching."""
+
+    steps: int = 5
+    """Number of Euler steps from noise to a chunk."""
+    epochs: int = 200
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above(self, 0, "steps")
+
+
+class Flow(ActionNetwork):
+    """Chunks drawn by integrating a velocity field from noise."""
+
+    name = "flow"
+    summary = "flow matching over chunks of actions"
+    sizes: ClassVar[Mapping[str, FlowConfig]] = {
+        "small": FlowConfig(hidden=(128, 128)),
+        "median": FlowConfig(hidden=(256, 256)),
+        "large": FlowConfig(hidden=(512, 512)),
+    }
+    default_size: ClassVar[Mapping[str, str]] = {}
+
+    def __init__(self, config: FlowConfig, layout: Layout) -> None:
+        super().__init__(config, layout)
+        self.length, self.horizon = config.length, config.horizon
+
+    def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Returns the layers from chunk, s and state to a velocity of the chunk."""
+        chunk = self.length * self.layout.action_dim
+        inputs = chunk + 2 * FREQUENCIES + self.layout.state_dim
+        return mlp_weights(rng, "layer", (inputs, *self.config.hidden, chunk))
+
+    def noise(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, ...]:
+        """Returns a(0), (B, C A), and s, (B, 1)."""
+        chunk = self.length * self.layout.action_dim
+        return rng.standard_normal((count, chunk)), rng.random((count, 1))
+
+    def loss(self, weights: Weights, x: Tensor, u: Tensor, *noise: Tensor) -> Tensor:
+        """Returns the mean squared error of the velocity, (S,)."""
+        start, s = noise
+        found = self.velocity(weights, (1 - s) * start + s * u, s, x)
+        return (found - (u - start)).square().mean(dim=(1, 2))
+
+    def predict(self, weights: Weights, x: Tensor, rngs: Rngs) -> Tensor:
+        """Returns chunks (1, B, C A) drawn for the states."""
+        width = self.length * self.layout.action_dim
+        chunk = tensor(np.stack([rng.standard_normal(width) for rng in rngs]))[None]
+        for step in range(self.config.steps):
+            s = torch.full_like(chunk[..., :1], step / self.config.steps)
+            chunk = chunk + self.velocity(weights, chunk, s, x) / self.config.steps
+        return chunk
+
+    def velocity(self, weights: Weights, chunk: Tensor, s: Tensor, x: Tensor) -> Tensor:
+        """Returns v, (S, B, C A), for chunks (S, B, C A), s (S, B, 1) and states (S, B, D)."""
+        angles = torch.pi * s * torch.arange(1, FREQUENCIES + 1)
+        inputs = torch.cat([chunk, angles.sin(), angles.cos(), x], dim=-1)
+        return mlp(weights, "layer", inputs, len(self.config.hidden) + 1)
