@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bench.controller import ControllerConfig
-from methods.registry import SUITE
+from methods.registry import PAPER, SUITE, TO_BEAT
 from tasks.errors import unknown_name
 from tasks.registry import TASKS
 
@@ -17,7 +17,7 @@ class Study:
     episodes: Mapping[str, int]
     """By experiment, the episodes of each evaluation. Only the experiments named here run."""
     tasks: tuple[str, ...] = TASKS
-    methods: tuple[str, ...] = SUITE
+    methods: tuple[str, ...] = (*PAPER, *TO_BEAT)
     expert: bool = True
     """Whether the expert is evaluated too."""
     sizes: tuple[str, ...] | None = None
@@ -90,7 +90,7 @@ PRESETS = {
             "efficiency": 200,
         }
     ),
-    "audit": Study(episodes={"robustness": 200, "audit": 1000}, seeds=(1, 2, 3)),
+    "audit": Study(episodes={"robustness": 200, "audit": 1000}, methods=PAPER, seeds=(1, 2, 3)),
     "beyond": Study(
         episodes={
             "success": 200,
@@ -99,6 +99,7 @@ PRESETS = {
             "disturbed": 200,
             "closed_loop": 200,
         },
+        methods=SUITE,
         seeds=tuple(range(1, 6)),
         note=BEYOND,
     ),

@@ -20,6 +20,9 @@ NAMES = {
     "ngf": "NGF",
     "nearest": "Nearest",
     "regression": "Regression",
+    "bc": "BC",
+    "chunk": "Chunk",
+    "flow": "Flow",
     "tool": "Tool",
     "door": "Door",
     "relocation": "Relocation",
@@ -43,7 +46,11 @@ DASHES: tuple[Any, ...] = (
     (0, (9, 2)),
 )
 MARKERS = "*o^sDvPX<>h"
-_COLOURS = ("#4c4c4c", *sns.color_palette("colorblind", 5).as_hex(), "#8a6d00", "#6a4ca5")
+_COLOURS = (
+    "#4c4c4c",
+    *sns.color_palette("colorblind", 5).as_hex(),
+    *("#8a6d00", "#6a4ca5", "#e63946", "#7cb518", "#5c4742"),
+)
 """Colours of the methods."""
 _OTHERS = ("#7f4f24", "#56b4e9", "#949494", "#9b2226", "#4f7942")
 """Colours of other rows: sizes, tasks, the user's methods."""
@@ -52,6 +59,9 @@ ON_DARK = {
     "#0173b2": "#3f9fe0",
     "#7f4f24": "#c08a5a",
     "#9b2226": "#e0656a",
+    "#8a6d00": "#c9a227",
+    "#6a4ca5": "#a18be0",
+    "#5c4742": "#b09a94",
 }
 """Replacements on a dark page, for colours that are too dark there."""
 
