@@ -29,7 +29,7 @@ from tasks.errors import InputError
 
 @dataclass(frozen=True)
 class KodexConfig:
-    """The settings of KODex.
+    """The settings of KODex. What the appendix leaves open is chosen on validation data.
 
     Raises:
         InputError: the cutoff is below 0.
@@ -37,12 +37,12 @@ class KodexConfig:
 
     observables: int | str = 3
     """Number of a set of appendix J, or the import path ``"package.module:name"`` of a function."""
-    cutoff: float = 1.0
+    cutoff: float = 1e9
     """Multiple of p eps, relative to the largest, below which a singular value of the lifted states
     counts as zero."""
-    standardise: bool = False
+    standardise: bool = True
     """Whether states are scaled to mean 0 and standard deviation 1 before they are lifted."""
-    constant: bool = False
+    constant: bool = True
     """Whether 1 is one more observable, so that the lifted state can move by an offset."""
     normal_equations: bool = False
     """Whether K comes from G, as in the published code; `cutoff` then speaks of G."""
@@ -52,6 +52,8 @@ class KodexConfig:
             raise InputError(f"cutoff must be 0 or more, got {self.cutoff!r}")
 
 
+RAW = {"standardise": False, "constant": False, "cutoff": 1.0}
+"""Lifted states as appendix J lists them, of which nothing but rounding is cut off."""
 LIFTING_VARIANTS = ("described", "set_1", "set_2", "set_4")
 """The variants with different sets of observables. ``described`` has the third set."""
 
@@ -72,10 +74,9 @@ class Kodex(MotionMethod):
         "set_1": {"observables": 1},
         "set_2": {"observables": 2},
         "set_4": {"observables": 4},
-        "constant": {"constant": True},
-        "standardised": {"standardise": True},
-        "standardised_constant": {"standardise": True, "constant": True},
-        "published": {"normal_equations": True},
+        "uncut": {"cutoff": 1.0},
+        "raw": RAW,
+        "published": {**RAW, "normal_equations": True},
     }
 
     def __init__(self, config: KodexConfig, layout: Layout) -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from methods.base import NotFittedError
-from methods.kodex import Kodex, KodexConfig, solve_koopman, solve_normal_equations
+from methods.base import NotFittedError, config_of
+from methods.kodex import RAW, Kodex, KodexConfig, solve_koopman, solve_normal_equations
 from methods.lifting import get_observables, lift
 from tasks.data import Demos, Layout, Starts, generator
 from tasks.demos import load_demos, split
@@ -54,7 +54,8 @@ def nothing(robot, _):
 
 
 def fitted(demos, **config) -> Kodex:
-    kodex = Kodex(KodexConfig(**config), LAYOUT)
+    """Returns KODex with raw states, unless the config says otherwise."""
+    kodex = Kodex(KodexConfig(**RAW | config), LAYOUT)
     kodex.fit(demos, demos, 1)
     return kodex
 
@@ -113,7 +114,7 @@ def test_a_linear_system_is_identified_exactly():
 
 def test_seed_validation_and_threads_have_no_effect(noisy):
     koopman = fitted(noisy).koopman
-    other = Kodex(KodexConfig(), LAYOUT)
+    other = Kodex(KodexConfig(**RAW), LAYOUT)
     with threadpool_limits(2):
         other.fit(noisy, noisy[:1], 7)
     np.testing.assert_array_equal(other.koopman, koopman)
@@ -122,7 +123,7 @@ def test_seed_validation_and_threads_have_no_effect(noisy):
 def test_a_stored_operator_gives_the_same_motions(noisy):
     kodex = fitted(noisy)
     start = noisy.states[:4, 0]
-    again = Kodex(KodexConfig(), LAYOUT)
+    again = Kodex(KodexConfig(**RAW), LAYOUT)
     again.load(kodex.parameters())
     np.testing.assert_array_equal(again.rollout(start, 6), kodex.rollout(start, 6))
     np.testing.assert_array_equal(again.rollout(start, 3), kodex.rollout(start, 6)[:, :4])
@@ -191,15 +192,13 @@ ORDERS = [
 
 
 @pytest.mark.parametrize(("task", "orders"), ORDERS)
-@pytest.mark.parametrize("standardise", [False, True])
-def test_motions_of_every_task_do_not_hang_on_the_order_of_demonstrations(
-    task, orders, standardise
-):
+@pytest.mark.parametrize("variant", ["described", "uncut", "raw"])
+def test_motions_of_every_task_do_not_hang_on_the_order_of_demonstrations(task, orders, variant):
     training, validation = split(load_demos(get_task(task)))
     start, steps = validation.states[:, 0], get_task(task).horizon - 1
     motions = []
     for i in range(orders):
-        kodex = Kodex(KodexConfig(standardise=standardise), get_task(task).layout)
+        kodex = Kodex(config_of(Kodex, "single", variant), get_task(task).layout)
         order = generator("order", i).permutation(len(training))
         kodex.fit(training[order], validation, 1)
         motions.append(kodex.rollout(start, steps))
