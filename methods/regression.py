@@ -15,7 +15,6 @@ import scipy.linalg
 from threadpoolctl import threadpool_limits
 
 from methods.base import MotionMethod, NotFittedError, Parameters, check_above
-from methods.motions import from_start
 from tasks.data import Demos, FloatArray, IntArray
 from tasks.errors import InputError
 
@@ -80,7 +79,7 @@ class Regression(MotionMethod):
         with threadpool_limits(1, "blas"):
             found = (inputs / arrays["monomial_scale"]) @ arrays["coefficients"]
         motion = (arrays["motion_mean"] + found).reshape(len(start), -1, self.layout.state_dim)
-        return from_start(start, np.concatenate([start[:, None], motion], axis=1), steps)
+        return _from_start(start, motion, steps)
 
     def _solve(self, demos: Demos, degree: int) -> Parameters:
         starts, motions = demos.states[:, 0], demos.states[:, 1:].reshape(len(demos), -1)
@@ -115,3 +114,12 @@ def _monomials(starts: FloatArray, arrays: Parameters) -> FloatArray:
     ]
     columns = [x[:, chosen].prod(axis=1) for chosen in places]
     return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
+
+
+def _from_start(start: FloatArray, motion: FloatArray, steps: int) -> FloatArray:
+    """Returns starts (B, D) and a number of states of motions (B, T - 1, D) after them.
+
+    A motion that is shorter rests at its end.
+    """
+    kept = motion[:, np.minimum(np.arange(steps), motion.shape[1] - 1)]
+    return np.concatenate([start[:, None], kept], axis=1)
