@@ -32,7 +32,7 @@ ABOUT = {
         measures="Success from unseen starts of the training distribution: the main comparison.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("table_6",),
-        own=("success", "all_tasks", "starts", "success_over_time", "motions"),
+        own=("success", "all_tasks", "starts", "success_over_time", "motions", "beyond"),
     ),
     "ood": About(
         measures="Success from starts outside the ranges of the training distribution.",
@@ -67,7 +67,7 @@ ABOUT = {
         measures="Success when the hand starts off, the object lies elsewhere, something pushes,"
         " sensors have errors, or actions arrive late.",
         varies="Task, method, seed, disturbance and its strength. The expert meets the same.",
-        own=("disturbed",),
+        own=("disturbed", "beyond_conditions"),
     ),
     "closed_loop": About(
         measures="Success of methods that predict their motion anew from the present state on the"

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from reports.exhibits.success import success_by_method
+from bench.labels import EXPERT
+from methods.registry import TO_BEAT
+from reports.exhibits.success import success_by_method, success_of
 from reports.multiple import LEVEL
 from reports.pairing import keep_common, without_expert
 from reports.pairs import pairs_of
@@ -42,6 +44,34 @@ def answer(results: Results) -> list[str]:
         said = _sentence(rates, _gaps(pairs), names)
         sentences.append(f"{display(task)}: {said}{single}.")
     return sentences
+
+
+def to_beat(results: Results) -> list[str]:
+    """Returns a sentence on what a look-up reaches, and one on the best of all methods.
+
+    Each is left out if the results have no such methods.
+    """
+    shown = success_by_method(results, "test").set_index(["row", "column"]).value
+    simple = [
+        f"{results.display(method)} {_by_task(shown[method])}"
+        for method in TO_BEAT
+        if method in shown.index
+    ]
+    said = [f"To beat, by looking up a motion: {'; '.join(simple)}."] if simple else []
+    if results.beyond:
+        every = success_of(results, results.of_all(split="test"))
+        learnt = every[every.row != EXPERT]
+        best = learnt.loc[learnt.groupby("column", sort=False).value.idxmax()]
+        named = [
+            f"{results.display(row.row)} {row.value:.1f}% ({display(row.column)})"
+            for row in best.itertuples()
+        ]
+        said.append(f"Most of all methods, closed-loop ones included: {_listed(named)}.")
+    return said
+
+
+def _by_task(values: "pd.Series[float]") -> str:
+    return _listed([f"{value:.1f}% ({display(str(task))})" for task, value in values.items()])
 
 
 def _gaps(pairs: pd.DataFrame) -> Gaps:

@@ -10,12 +10,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL, TUNED
-from bench.labels import EXPERT, labelled
+from bench.labels import EXPERT, labelled, plain
 from bench.names import CONDITIONS, PLAIN
 from bench.packed import SHIPPED, open_results
 from bench.selection import best_size
 from bench.source import Source
 from methods.base import Parameters
+from methods.registry import CLOSED_LOOP
 from reports.mixed import MARK, MixedProtocols
 from reports.pairing import common, keep_common
 from reports.protocol import differences
@@ -282,14 +283,27 @@ class Results:
         """Returns the evaluations with these values.
 
         Defaults: methods as described, nominal physics, success by appendix C, and the
-        controllers `COMPARED`.
+        controllers `COMPARED`. Unless it is named, no method `beyond` the paper is among them.
         """
         wanted = PLAIN | {"variant": "described"} | values
         frame = self.frame
         keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
         if "controller" not in values:
             keep &= frame.controller.isin(COMPARED)
+        if "method" not in values:
+            keep &= ~frame.method.isin(self.beyond)
         return frame[keep]
+
+    @cached_property
+    def beyond(self) -> frozenset[str]:
+        """The methods that tables of the paper leave out: closed-loop ones, beside others."""
+        found = frozenset(m for m in self.frame.method.unique() if plain(m) in CLOSED_LOOP)
+        others = frozenset(self.frame.method.unique()) - found - {EXPERT}
+        return found if others else frozenset()
+
+    def of_all(self, **values: object) -> pd.DataFrame:
+        """Returns the rows of `main` for all methods, those `beyond` the paper among them."""
+        return pd.concat(self.main(method=m, **values) for m in self.frame.method.unique())
 
     def main(self, **values: object) -> pd.DataFrame:
         """Returns the rows of `chosen` with the most demonstrations of each method."""

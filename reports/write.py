@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from bench.doing import say
-from reports.answer import answer
+from reports.answer import answer, to_beat
 from reports.exhibit import MARK, Exhibit
 from reports.exhibits import EXHIBITS
 from reports.page import render
@@ -68,7 +68,7 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
     failed |= {f"claim {one.claim}": one.evidence for one in undecidable.itertuples()}
     _write_claims(claims, folder / "tables")
     try:
-        sentences = answer(results)
+        sentences = [*to_beat(results), *answer(results)]
     except Exception as error:
         sentences, failed["the answer"] = [], described(error)
     figures, page = folder / "figures", folder / "index.html"

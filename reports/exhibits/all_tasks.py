@@ -22,14 +22,14 @@ def table(results: Results) -> pd.DataFrame:
     """
     parts = []
     for split in SPLITS:
-        found = _of_all_tasks(results.main(split=split))
+        found = of_all_tasks(results.main(split=split))
         pairs = pairs_of(results, without_expert(found))
         for statistic in (MEAN, MIDDLE):
             rows = []
             for method, mine in found.groupby("method", sort=False):
                 tasks = [*results.paired(mine, ["task"]).values()]
                 if tasks:
-                    episodes = _of_seeds(tasks, statistic == MIDDLE)
+                    episodes = of_seeds(tasks, statistic == MIDDLE)
                     place = {"row": method, "column": f"{split} {statistic}"}
                     rows.append(place | rate_facts(episodes) | {"n": tasks[0].shape[1]})
             if rows:
@@ -42,13 +42,13 @@ def table(results: Results) -> pd.DataFrame:
     return in_order(whole.fillna({"letters": ""}), METHODS, columns)
 
 
-def _of_all_tasks(found: pd.DataFrame) -> pd.DataFrame:
+def of_all_tasks(found: pd.DataFrame) -> pd.DataFrame:
     """Returns the evaluations of methods with results on every task, on common seeds and starts."""
     tasks = found.groupby("method").task.transform("nunique")
     return keep_common(found[tasks == len(TASKS)], ["method", "task"], within=[])
 
 
-def _of_seeds(tasks: list[BoolArray], in_the_middle: bool) -> BoolArray:
+def of_seeds(tasks: list[BoolArray], in_the_middle: bool) -> BoolArray:
     """Returns the episodes of each seed on all tasks.
 
     Args:

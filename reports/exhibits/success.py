@@ -11,13 +11,18 @@ from reports.tables import in_order, success_table
 
 
 def success_by_method(results: Results, split: str) -> pd.DataFrame:
-    """Returns success [%] on a split: a row for each method, a column for each task.
+    """Returns success [%] on a split, see `success_of`."""
+    return success_of(results, results.main(split=split))
+
+
+def success_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
+    """Returns success [%]: a row for each method, a column for each task.
 
     Methods of a task that share one of the ``letters`` cannot be told apart. ``detectable``
     [points] is the smallest difference that the seeds could have shown, the same in all rows of a
     task.
     """
-    found = keep_common(results.main(split=split))
+    found = keep_common(evaluations)
     table = success_table(results, found, "method", "task")
     learnt = without_expert(found)
     parts = [

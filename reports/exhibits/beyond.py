@@ -1,0 +1,65 @@
+"""Beyond the paper: all methods beside each other, from all starts and in all conditions."""
+
+from typing import Any
+
+import pandas as pd
+
+from reports.charts import dots
+from reports.exhibit import Exhibit
+from reports.exhibits.all_tasks import of_all_tasks, of_seeds
+from reports.exhibits.success import success_of
+from reports.results import Results, rate_facts
+from reports.style import METHODS
+from reports.tables import in_order, table_of
+from tasks.masses import VARIATIONS
+
+CONDITIONS: dict[str, dict[str, Any]] = {
+    "test": {},
+    "ood": {"split": "ood"},
+    **{physics: {"physics": physics} for physics in VARIATIONS},
+    **{
+        name: {"disturbance": name}
+        for name in ("joints_off_0.05", "joints_off_0.15", "hand_push_4", "noise_0.03", "late_1")
+    },
+}
+"""Those of an evaluation from test starts, where nothing else is said."""
+
+
+def by_task(results: Results) -> pd.DataFrame:
+    """Returns a row for each method and the expert, and a column for each task."""
+    if not results.beyond:
+        return table_of()
+    return success_of(results, results.of_all(split="test"))
+
+
+def by_condition(results: Results) -> pd.DataFrame:
+    """Returns a row for each method with results on all tasks, and a column for each condition."""
+    rows = []
+    for name, condition in CONDITIONS.items() if results.beyond else ():
+        found = of_all_tasks(results.of_all(**{"split": "test"} | condition))
+        for method, mine in found.groupby("method", sort=False):
+            tasks = [*results.paired(mine, ["task"]).values()]
+            if tasks:
+                facts = rate_facts(of_seeds(tasks, in_the_middle=False))
+                rows.append({"row": method, "column": name} | facts | {"n": tasks[0].shape[1]})
+    return in_order(pd.DataFrame(rows), METHODS, [*CONDITIONS]) if rows else table_of()
+
+
+EXHIBITS = (
+    Exhibit(
+        name="beyond",
+        title="Beyond the paper: success on test starts",
+        about="Success [%] from test starts of the paper's methods, those to beat, and closed-loop"
+        " ones, which see each state.",
+        table=by_task,
+    ),
+    Exhibit(
+        name="beyond_conditions",
+        title="Beyond the paper: all conditions",
+        about="Success [%], the mean over tasks, from test starts and others, in changed physics"
+        " (with the original controller) and disturbed.",
+        table=by_condition,
+        part="robustness",
+        figure=dots,
+    ),
+)
