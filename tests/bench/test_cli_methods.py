@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from methods import registry
-from methods.checks import RULES
+from methods.checks import RULES, check
 from tasks.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -65,7 +65,7 @@ def follow(reference, bench, tmp_path, monkeypatch):
 
     yield run
     registry.get_method.cache_clear()
-    for name in {"knn", "bc"} & (set(sys.modules) - known):
+    for name in {"knn", "copycat"} & (set(sys.modules) - known):
         del sys.modules[name]
 
 
@@ -84,6 +84,10 @@ def test_the_tutorial_runs_from_new_method_to_the_tables(task, follow):
     exec(compile(code, "add_a_method.md", "exec"), written)
     for rule in RULES:
         written["test_it_keeps_the_contract"](rule)
+    (code,) = fenced("python", "A method that predicts anew")
+    exec(compile(code, "add_a_method.md", "exec"), written)
+    broken = [result for result in check(written["Onward"]) if not result.passed]
+    assert not broken
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -91,7 +95,7 @@ def test_a_closed_loop_method_is_tried_as_the_tutorial_shows(task, follow):
     said = follow("A closed-loop method")
     (shown,) = fenced("", "A closed-loop method")
     assert set(shapes(said)) <= set(shapes(shown))
-    assert "bc sees every state" in said
+    assert "copycat sees every state" in said
 
 
 def test_new_method_says_what_to_do_next(bench, tmp_path):
