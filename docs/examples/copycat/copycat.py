@@ -1,4 +1,4 @@
-"""Copycat: does in each state what was demonstrated in the nearest one. The smallest closed loop."""
+"""Copycat: does in each state what was demonstrated in the nearest one; the least closed loop."""
 
 from dataclasses import dataclass
 
