@@ -56,6 +56,7 @@ ABOUT = {
         measures="The eigenvalues of KODex's matrix K, fitted to all training demonstrations.",
         varies="Task, seed.",
         paper=("table_12", "figure_7"),
+        own=("rank",),
     ),
     "efficiency": About(
         measures="Success after training on few or many demonstrations, of which a method that"

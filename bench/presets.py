@@ -52,7 +52,8 @@ def get_preset(name: str) -> Study:
 
 def experiment_names() -> list[str]:
     """Returns the names of all experiments."""
-    return list(dict.fromkeys(name for study in PRESETS.values() for name in study.episodes))
+    in_order = ("paper", "beyond", "audit")
+    return list(dict.fromkeys(name for study in in_order for name in PRESETS[study].episodes))
 
 
 SMALLEST = "smallest"

@@ -53,6 +53,7 @@ NEEDS = {
     "batch_invariance": REPEATS,
     "seeds_alone_or_together": (*NEEDED, "same_seed_same_answer"),
     "global_streams_unused": (*NEEDED, "same_seed_same_answer"),
+    "replans_from_any_state": (*NEEDED, "finite"),
 }
 
 

@@ -27,7 +27,7 @@ def test_list_names_the_four_tasks(bench):
     assert names["tasks"] == list(TASKS)
     assert "kodex" in names["methods"]
     assert names["experiments"] == list(EXPERIMENTS)
-    assert names["presets"] == ["smoke", "quick", "paper", "audit"]
+    assert names["presets"] == ["smoke", "quick", "paper", "audit", "beyond"]
     code, out, _ = bench("list")
     assert code == 0
     assert "tool, door, relocation, reorientation" in out

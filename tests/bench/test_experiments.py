@@ -9,8 +9,10 @@ from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, ORIGINAL, TUNED, UN
 from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import get_preset
 from bench.study_demos import demos_keys_of
+from tasks.disturbances import names_of
 from tasks.errors import InputError
 from tasks.masses import NOMINAL, READINGS, VARIATIONS
+from tasks.registry import get_task
 
 
 def test_controllers_that_learn_from_the_expert_do_not_depend_on_files_of_demonstrations():
@@ -62,7 +64,7 @@ def test_robustness_evaluates_each_variation_with_the_original_and_the_tuned_con
 def test_the_paper_has_every_experiment_and_shares_cells():
     study = replace(get_preset("paper"), seeds=(1,))
     keys = dict.fromkeys(study.tasks, "key")
-    assert [*study.episodes, "audit"] == list(EXPERIMENTS)
+    assert {*EXPERIMENTS} - {*study.episodes} == {"disturbed", "closed_loop", "audit"}
     apart = sum(
         len(EXPERIMENTS[name](replace(study, demos_keys=keys), {})) for name in study.episodes
     )
@@ -160,3 +162,30 @@ def test_every_key_differs_by_seed():
         if mine.controller:
             assert mine.controller.key != theirs.controller.key
             assert (mine.controller.seed, theirs.controller.seed) == (1, 2)
+
+
+def test_disturbed_has_each_disturbance_of_a_task_beside_none():
+    study = replace(
+        get_preset("beyond"), seeds=(1,), methods=("nearest",), episodes={"disturbed": 5}
+    )
+    cells = cells_of(study, dict.fromkeys(study.tasks, "key"))
+    for task in study.tasks:
+        found = [c.evaluation.disturbance for c in cells if c.fit.task == task]
+        assert found.count("none") == 2  # the method's and the expert's
+        assert set(found) == {"none", *names_of(get_task(task))}
+    assert all(cell.evaluation.physics == "nominal" for cell in cells)
+
+
+def test_closed_loop_replans_what_can_replan_in_the_same_conditions_as_never():
+    study = replace(
+        get_preset("beyond"), tasks=("relocation",), seeds=(1,), episodes={"closed_loop": 5}
+    )
+    cells = cells_of(study, {"relocation": "key"})
+    assert {cell.fit.method for cell in cells} == {"kodex", "nn", "nearest"}
+    conditions = {}
+    for cell in cells:
+        place = cell.evaluation.physics, cell.evaluation.disturbance
+        conditions.setdefault(cell.evaluation.replan, set()).add(place)
+    assert set(conditions) == {0, 20, 5, 1}
+    assert len({frozenset(places) for places in conditions.values()}) == 1
+    assert len(conditions[0]) == 5 + 3

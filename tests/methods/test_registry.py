@@ -9,7 +9,7 @@ import pytest
 
 from bench.runner import Outcome
 from methods import registry
-from methods.registry import MethodError, get_method, method_names, unusable
+from methods.registry import SUITE, MethodError, get_method, method_names, unusable
 from tasks.errors import InputError
 
 METHOD = """
@@ -45,7 +45,7 @@ def install(tmp_path, monkeypatch):
 
 def test_a_method_of_a_package_is_listed_after_those_of_the_suite(install):
     install("good", "good = good:Good", good=METHOD.format("Good", "good"))
-    assert method_names() == ["kodex", "nn", "lstm", "ndp", "ngf", "good"]
+    assert method_names() == [*SUITE, "good"]
     assert get_method("good").name == "good"
     assert unusable() == {}
 
