@@ -29,7 +29,8 @@ class StudyOptions:
     preset: Annotated[
         str,
         typer.Argument(
-            help="Name of a preset: smoke, quick, paper, audit or beyond. See `bench describe NAME`."
+            help="Name of a preset: smoke, quick, paper, audit or beyond. See `bench describe"
+            " NAME`."
         ),
     ]
     experiments: Annotated[
