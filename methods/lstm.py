@@ -23,7 +23,7 @@ class LSTMConfig(NetworkConfig):
     hidden: int
     """Number of units of the LSTM."""
     decay: bool = False
-    epochs: int = 200
+    epochs: int = 400
     batch_size: int = 16
     learning_rate: float = 1e-3
 

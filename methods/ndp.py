@@ -35,7 +35,7 @@ class NDPConfig(NetworkConfig):
     published_start: bool = False
     """Whether the layers are initialised as in the published code."""
     epochs: int = 300
-    batch_size: int = 16
+    batch_size: int = 32
     learning_rate: float = 1e-3
 
     def __post_init__(self) -> None:

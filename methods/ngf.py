@@ -45,7 +45,7 @@ class NGFConfig(NetworkConfig):
     hidden: tuple[int, int]
     window: int = 10
     """Number of steps of a window in training."""
-    stiffness: float = 20.0
+    stiffness: float = 10.0
     """Initial value of k."""
     damping: float = 2.0
     """Initial b, as a multiple of k. Critical for a pull of k^2 q is 2; for the pull of the first

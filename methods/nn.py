@@ -21,7 +21,7 @@ class NNConfig(NetworkConfig):
     hidden: tuple[int, ...]
     residual: bool = True
     """Whether the network outputs the change of the state instead of the next state."""
-    window: int = 10
+    window: int = 5
     """Number of consecutive states predicted in training."""
     epochs: int = 100
     batch_size: int = 128
