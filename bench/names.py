@@ -7,7 +7,7 @@ A results folder holds::
         fit.json                its fields, times, host, versions, and SHA-256 of two files:
         weights.safetensors     its learnt parameters
         diagnostics.safetensors
-        eval-<split>-<physics>-<controller>-<rule>-<disturbance>-<replan>.parquet
+        eval-<split>-<physics>-<controller>-<rule>[-<disturbance>][-<replan>].parquet
                                 one row an episode
         times.json              its CPU seconds, measured by `bench time`
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
@@ -29,6 +29,8 @@ CONDITIONS = ("split", "physics", "controller", "rule", "disturbance", "replan")
 """The fields that distinguish the evaluations of a fit."""
 PLAIN = {"physics": NOMINAL, "rule": APPENDIX, "disturbance": UNDISTURBED, "replan": 0}
 """Those of the main comparison, in which nothing is changed."""
+ADDED = ("disturbance", "replan")
+"""Those that are part of names and keys only where something is changed."""
 MANIFEST = "study.json"
 
 
@@ -55,7 +57,9 @@ def evaluation_name(conditions: Mapping[str, Any]) -> str:
     Args:
         conditions: values of `CONDITIONS`; others are ignored.
     """
-    return "-".join(("eval", *(str(conditions[name]) for name in CONDITIONS)))
+    values = [str(conditions[name]) for name in CONDITIONS if name not in ADDED]
+    added = [str(conditions[n]) for n in ADDED if str(conditions[n]) != str(PLAIN[n])]
+    return "-".join(("eval", *values, *added))
 
 
 def cell_path(results: Path, fit: Named) -> Path:

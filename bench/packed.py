@@ -23,7 +23,7 @@ import numpy as np
 from safetensors.numpy import load_file, save
 
 from bench.combined import CombinedResults
-from bench.names import CONDITIONS
+from bench.names import ADDED, CONDITIONS, PLAIN
 from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.source import Source
@@ -103,8 +103,9 @@ class Packed:
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
         # Results of version 0.1 lack these.
-        held_out, pins = frame.get("held_out", 0), frame.get("pins", UNPINNED)
-        return frame.assign(config=frame.config.map(json.loads), held_out=held_out, pins=pins)
+        lacking = {"held_out": 0, "pins": UNPINNED} | {name: PLAIN[name] for name in ADDED}
+        added = {name: value for name, value in lacking.items() if name not in frame}
+        return frame.assign(config=frame.config.map(json.loads), **added)
 
     @cached_property
     def _provenance(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from bench.labels import DEMOS_DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
 from bench.manifest import Name, Wanted
-from bench.names import evaluation_name
+from bench.names import ADDED, PLAIN, evaluation_name
 from methods.base import Method, fits_together
 from methods.contract import build
 from methods.registry import get_method
@@ -150,7 +150,8 @@ class Evaluation:
         # The key of the expert's demonstrations includes the version of MuJoCo; a file's does not.
         if not fit.of_expert:
             rules.append(mujoco.__version__)
-        return key("evaluation", fit.key, asdict(self), rules)
+        changed = {k: v for k, v in asdict(self).items() if k not in ADDED or v != PLAIN[k]}
+        return key("evaluation", fit.key, changed, rules)
 
 
 @dataclass(frozen=True)

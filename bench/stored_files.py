@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from bench.names import KEY_DIGITS, Named, evaluation_name, failure_path
+from bench.names import ADDED, KEY_DIGITS, PLAIN, Named, evaluation_name, failure_path
 from bench.sealed_files import (
     check,
     content_names,
@@ -146,7 +146,8 @@ def read_evaluation(path: Path, fit_key: str) -> tuple[dict[str, str], int]:
     Labels: the fields of `Evaluation`, ``key``, ``successes``, ``diverged``, ``software``, see
     `software_of`, and ``non_finite`` if answers of the method were not finite, see `non_finite_of`.
     """
-    labels, count = read_labels(path)
+    found, count = read_labels(path)
+    labels = {name: str(PLAIN[name]) for name in ADDED} | found
     with reading(path):
         place = labels["fit"], evaluation_name(labels)
         check(place == (fit_key, path.stem), path, "its place")

@@ -21,10 +21,10 @@ class NNConfig(NetworkConfig):
     hidden: tuple[int, ...]
     residual: bool = True
     """Whether the network outputs the change of the state instead of the next state."""
-    window: int = 5
+    window: int = 10
     """Number of consecutive states predicted in training."""
     epochs: int = 100
-    batch_size: int = 128
+    batch_size: int = 32
     learning_rate: float = 1e-3
 
     def __post_init__(self) -> None:

@@ -30,7 +30,7 @@ class RegressionConfig:
         InputError: a value is out of range.
     """
 
-    degree: int = 3
+    degree: int = 2
     """The highest degree that is tried. The one with the lowest validation error is kept."""
     ridge: float = 1e-4
     """Weight of the squared coefficients, for each demonstration."""
