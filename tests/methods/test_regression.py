@@ -72,7 +72,7 @@ def squared(demos, degree):
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_the_degree_with_the_lowest_validation_error_is_kept(degree):
     demos, unseen = squared(toy(0, 150), degree), squared(toy(150, 30), degree)
-    method = fitted(demos, unseen, ridge=1e-6)
+    method = fitted(demos, unseen, degree=3, ridge=1e-6)
     assert method.parameters()["degree"] == degree
 
 
