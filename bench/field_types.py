@@ -45,6 +45,21 @@ def typed(value: Any, hint: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value  # configs hold tuples
 
 
+def several(value: Any, hint: Any) -> list[Any]:
+    """Returns the values that a setting stands for: one, or each of a list for a plain field.
+
+    A list is written as ``16,64,128`` or given as a list. A value that does not fit stays alone.
+    """
+    one = typed(value, hint)
+    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    if fits_type(one, hint) or any(get_origin(option) is tuple for option in options):
+        return [one]
+    listed = value.split(",") if isinstance(value, str) and "," in value else value
+    if not isinstance(listed, list | tuple) or not listed:
+        return [one]
+    return [typed(scalar(part) if isinstance(part, str) else part, hint) for part in listed]
+
+
 def wrong_type(place: str, hint: Any, value: Any, default: Any) -> InputError:
     """Returns the error for a value of another type than its field declares.
 

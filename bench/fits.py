@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
+from itertools import product
 from typing import Any, get_type_hints
 
-from bench.field_types import typed
+from bench.field_types import several
 from bench.labels import as_text
 from bench.presets import Study
 from bench.selection import Sizes, compared_sizes, used_size
@@ -103,12 +104,12 @@ def fits_of(
         if variant not in method.variants:
             continue
         plain = _config(study, method, size, variant)
-        config = resolved(_with_settings(study, method, plain))
         before = resolved(plain)
-        changed = {field: value for field, value in config.items() if value != before.get(field)}
-        for seed in study.seeds:
-            place = (task, name, variant, size, config, study.demos, seed)
-            yield Fit(*place, demonstrations, as_text(changed))
+        for config in map(resolved, _with_settings(study, method, plain)):
+            changed = {field: v for field, v in config.items() if v != before.get(field)}
+            for seed in study.seeds:
+                place = (task, name, variant, size, config, study.demos, seed)
+                yield Fit(*place, demonstrations, as_text(changed))
 
 
 def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
@@ -119,12 +120,16 @@ def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:
     return config
 
 
-def _with_settings(study: Study, method: type[Method], config: Any) -> Any:
-    """The config with the fields that the study sets."""
+def _with_settings(study: Study, method: type[Method], config: Any) -> Iterator[Any]:
+    """Yields the config with the fields that the study sets, once for each combination of values.
+
+    Configs that are equal are yielded once.
+    """
     hints = get_type_hints(type(config))
-    changes = {
-        field: typed(value, hints[field])
+    values = {
+        field: several(value, hints[field])
         for (name, field), value in study.settings.items()
         if name == method.name
     }
-    return replace(config, **changes)
+    chosen = (dict(zip(values, found, strict=True)) for found in product(*values.values()))
+    yield from dict.fromkeys(replace(config, **changes) for changes in chosen)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, get_type_hints
 
-from bench.field_types import fits_type, typed, wrong_type
+from bench.field_types import fits_type, several, wrong_type
 from bench.fits import compared_variants
 from bench.presets import PRESETS, SMALLEST, Study
 from bench.selection import compared_sizes
@@ -78,8 +78,9 @@ def _check_value(name: str, variant: str, field: str, value: Any) -> None:
     if field not in known:
         raise unknown_name(f"config field of {name} as {variant}", field, known)
     hint = get_type_hints(type(config))[field]
-    if not fits_type(typed(value, hint), hint):
-        raise wrong_type(f"{name}.{field}", hint, value, getattr(config, field))
+    for one in several(value, hint):
+        if not fits_type(one, hint):
+            raise wrong_type(f"{name}.{field}", hint, one, getattr(config, field))
 
 
 def _check_not_compared(study: Study, name: str, field: str) -> None:

@@ -17,7 +17,8 @@ Settings = Annotated[
     typer.Option(
         "--set",
         help="METHOD.FIELD=VALUE sets a field of a method's config, such as nn.epochs=50 or"
-        " ngf.hidden=64,32. Repeat to set several.",
+        " ngf.hidden=64,32. Several values, such as nn.epochs=50,100, give a row each. Repeat to"
+        " set several fields.",
     ),
 ]
 

@@ -52,3 +52,40 @@ def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
     assert cells_of(replace(study, variants=("described",)), keys)
     episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
     assert cells_of(replace(study, episodes=episodes), keys)
+
+
+@pytest.mark.parametrize("given", ["nn.epochs=5,1e1,20", {"nn.epochs": [5, 10, 20]}])
+def test_several_values_give_a_fit_each(given):
+    chosen = settings([given] if isinstance(given, str) else given)
+    study = replace(get_preset("smoke"), methods=("nn",), expert=False, settings=chosen)
+    cells = cells_of(study, {"door": "key"})
+    assert sorted({cell.fit.config["epochs"] for cell in cells}) == [5, 10, 20]
+    assert {cell.fit.settings for cell in cells} == {"epochs=5", "epochs=10", "epochs=20"}
+    assert len({cell.fit.key for cell in cells}) == 3
+
+
+def test_values_of_two_fields_are_combined_and_a_default_is_the_plain_row():
+    chosen = settings(["nn.epochs=2,3", "nn.batch_size=32,64"])
+    study = replace(get_preset("smoke"), methods=("nn",), expert=False, settings=chosen)
+    labels = {cell.fit.settings for cell in cells_of(study, {"door": "key"})}
+    assert labels == {
+        "epochs=3",
+        "batch_size=64+epochs=3",
+        "",  # smoke trains for two epochs anyway
+        "batch_size=64",
+    }
+
+
+def test_a_list_of_numbers_for_a_tuple_stays_one_value():
+    study = replace(
+        get_preset("smoke"), methods=("ngf",), expert=False, settings=settings(["ngf.hidden=8,4"])
+    )
+    study = replace(study, episodes={"success": 5})
+    cells = cells_of(study, {"door": "key"})
+    assert {tuple(cell.fit.config["hidden"]) for cell in cells} == {(8, 4)}
+
+
+def test_a_list_with_one_wrong_value_is_refused():
+    study = replace(get_preset("smoke"), methods=("nn",), settings=settings(["nn.epochs=5,few"]))
+    with pytest.raises(InputError, match=r"nn\.epochs takes int, got 'few'"):
+        cells_of(study, {"door": "key"})

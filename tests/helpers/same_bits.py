@@ -15,6 +15,7 @@ from bench.controller import ControllerConfig, train_controller
 from bench.provenance import software
 from methods.guard import guarded
 from methods.registry import SUITE, get_method
+from methods.toy import answer
 from tasks.demos import TRAINING, VALIDATION, split
 from tasks.experts import load_expert
 from tasks.files import to_bytes
@@ -38,15 +39,16 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
     training, validation = split(demos)
     for name in SUITE:
         kind = get_method(name)
-        config, learnt_from = kind.sizes[kind.default_size[task_name]], training
+        smallest = next(iter(kind.sizes))
+        config, learnt_from = kind.sizes[kind.default_size.get(task_name, smallest)], training
         if hasattr(config, "epochs"):
             config, learnt_from = replace(config, epochs=EPOCHS), training[:DEMOS]
         with guarded(name):
             method = kind(config, task.layout)
             method.fit(learnt_from, validation, SEED)
-            motion = method.rollout(validation.states[:, 0], task.horizon - 1)
+            answers = answer(method, validation)
         yield name, _sha256(to_bytes(method.parameters()))
-        yield f"{name} motions", hashlib.sha256(motion.tobytes()).hexdigest()
+        yield f"{name} answers", hashlib.sha256(answers.tobytes()).hexdigest()
     if controller:
         with guarded("controller"):
             weights = train_controller(ControllerConfig(), training, task_name, SEED)
