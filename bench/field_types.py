@@ -31,7 +31,7 @@ def typed(value: Any, hint: Any) -> Any:
     A tuple may be written as ``64,32``, ``(64, 32)`` or ``[64, 32]``; 1 becomes 1.0 in a field of
     floats, and 1e3 becomes 1000 in a field of integers.
     """
-    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    options = _options(hint)
     tuples = [option for option in options if get_origin(option) is tuple]
     if tuples and isinstance(value, str) and str not in options and "," in value:
         parts = value.strip().strip("()[]").split(",")
@@ -45,13 +45,17 @@ def typed(value: Any, hint: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value  # configs hold tuples
 
 
+def _options(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
 def several(value: Any, hint: Any) -> list[Any]:
     """Returns the values that a setting stands for: one, or each of a list for a plain field.
 
     A list is written as ``16,64,128`` or given as a list. A value that does not fit stays alone.
     """
     one = typed(value, hint)
-    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    options = _options(hint)
     if fits_type(one, hint) or any(get_origin(option) is tuple for option in options):
         return [one]
     listed = value.split(",") if isinstance(value, str) and "," in value else value

@@ -78,9 +78,11 @@ def _check_value(name: str, variant: str, field: str, value: Any) -> None:
     if field not in known:
         raise unknown_name(f"config field of {name} as {variant}", field, known)
     hint = get_type_hints(type(config))[field]
-    for one in several(value, hint):
+    values = several(value, hint)
+    for one in values:
         if not fits_type(one, hint):
-            raise wrong_type(f"{name}.{field}", hint, one, getattr(config, field))
+            given = one if len(values) > 1 else value
+            raise wrong_type(f"{name}.{field}", hint, given, getattr(config, field))
 
 
 def _check_not_compared(study: Study, name: str, field: str) -> None:
