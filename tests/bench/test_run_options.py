@@ -54,7 +54,7 @@ def test_a_tuple_may_be_set_with_or_without_brackets(task, smoke, written):
         (("smoke", "--experiments", "suces"), "did you mean 'success'"),
         (
             ("smoke", "--experiments", "success,robustness"),
-            "the preset smoke has no experiment 'robustness': use paper or audit or beyond, or choose",
+            "no experiment 'robustness': use paper or audit or beyond, or choose",
         ),
         (("smoke", "--experiments", "lifting"), "use quick or paper, or choose from"),
         (("smoke", "--seeds", "x"), "--seeds takes a number"),
