@@ -10,6 +10,7 @@ import pytest
 from statsmodels.stats.power import TTestPower
 
 from bench.detectable import power_given, power_of, told
+from bench.names import PLAIN
 from bench.presets import get_preset
 from bench.spread import spread_over_seeds
 from methods.registry import get_method
@@ -34,9 +35,8 @@ def row(task, method, seed, successes, **changes):
         "demos_key": "key",
         "settings": "",
         "split": "test",
-        "physics": "nominal",
         "controller": "original",
-        "rule": "appendix",
+        **PLAIN,
         "controller_key": f"{task} {seed}",
         "episodes": 1000,
         "successes": successes,
@@ -109,6 +109,8 @@ def test_the_smallest_difference_and_the_seeds_it_takes_are_those_of_statsmodels
         {"split": "ood"},
         {"physics": "heavy_hand"},
         {"rule": "published"},
+        {"disturbance": "late_1"},
+        {"replan": 5},
         {"variant": "published"},
         {"controller": "unclipped"},
         {"settings": "cutoff=2"},

@@ -9,6 +9,7 @@ from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
 
+from bench.names import PLAIN
 from reports.compare import as_text, compare
 from reports.exhibits.success import EXHIBIT as SUCCESS
 from reports.pairs import letters_of, pairs_of, smallest_shown
@@ -34,7 +35,7 @@ class Rates(Results):
     def __init__(self, percents=PERCENTS, seeds=5):
         same = {"task": "door", "variant": "described", "size": "one", "demos": 200}
         same |= {"held_out": 0, "demos_key": "k", "pins": "p", "controller_key": "", "config": {}}
-        same |= {"episodes": 1000, "physics": "nominal", "rule": "appendix", "split": "test"}
+        same |= PLAIN | {"episodes": 1000, "split": "test"}
         self.frame = pd.DataFrame(
             {**same, "method": method, "seed": seed, "folder": f"{method}-{seed}"}
             | {"controller": "none" if method == "expert" else "original"}

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.names import PLAIN
 from reports import write
 from reports.claims import CLAIMS
 from reports.exhibit import Exhibit
@@ -65,7 +66,7 @@ class Few(Results):
         same = {
             **{"task": "door", "variant": "described", "size": "single", "demos": 200},
             **{"held_out": 0, "pins": "p"},
-            **{"physics": "nominal", "rule": "appendix", "controller_key": "", "demos_key": "k"},
+            **PLAIN | {"controller_key": "", "demos_key": "k"},
             **{"config": {}, "episodes": 200, "diverged": 0, "fit_seconds": 2.0},
         }
         self.frame = pd.DataFrame(

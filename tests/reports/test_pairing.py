@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.names import PLAIN
 from reports.compare import compare
 from reports.pairing import keep_common
 from reports.results import Results
@@ -18,7 +19,7 @@ class Stored(Results):
     frame = pd.DataFrame()
 
     def __init__(self, evaluations):
-        common = {"variant": "described", "size": "one", "physics": "nominal", "rule": "appendix"}
+        common = PLAIN | {"variant": "described", "size": "one"}
         common |= {"split": "test", "demos": 10, "controller": "original", "successes": 0}
         names = ["task", "method", "seed", "episodes"]
         self.frame = pd.DataFrame(evaluations, columns=names).assign(**common)
