@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # pandas is slow to import
 
     from methods.base import Parameters
 
+TIMES = ["fit_seconds", "action_seconds"]
 _PLACE = ["folder", *CONDITIONS]
 """Columns that name an evaluation."""
 
@@ -43,7 +44,7 @@ class CombinedResults:
         if len(whole):
             _check_alike(whole)
             most = whole.groupby(_PLACE, sort=False).episodes.idxmax()
-            whole["fit_seconds"] = whole.groupby("folder").fit_seconds.transform("first")
+            whole[TIMES] = whole.groupby("folder")[TIMES].transform("first")
             whole = whole.loc[sorted(most)]
             places = whole[_PLACE].itertuples(index=False, name=None)
             self._evaluations = dict(zip(places, whole.source, strict=True))

@@ -9,7 +9,7 @@ A results folder holds::
         diagnostics.safetensors
         eval-<split>-<physics>-<controller>-<rule>[-<disturbance>][-<replan>].parquet
                                 one row an episode
-        times.json              its CPU seconds, measured by `bench time`
+        times.json              CPU seconds of the fit and of an action, from `bench time`
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
     failures/                   one file for each failed job, with the reason
     damaged/                    files set aside: damaged, or of another version

@@ -35,6 +35,7 @@ from bench.stored_files import (
     FIT,
     TIMES,
     WEIGHTS,
+    Times,
     non_finite_of,
     read_evaluation,
     read_failure,
@@ -173,8 +174,8 @@ class Results:
             return {}
         return from_bytes(self._contents(path, FIT, [DIAGNOSTICS])[DIAGNOSTICS])
 
-    def times(self, folder: str) -> list[float] | None:
-        """Returns the CPU seconds of the fit in a folder that `frame` names, if measured."""
+    def times(self, folder: str) -> Times | None:
+        """Returns the times of the fit in a folder that `frame` names, if measured."""
         path = self.folder / "cells" / folder / TIMES
         return self._unless_damaged(path, partial(read_times, path))
 
@@ -303,7 +304,7 @@ class Results:
     def _row(self, wanted: Wanted) -> dict[str, Any]:
         folder = cell_path(self.folder, wanted.fit)
         labels, count = self._evaluation(wanted)
-        times = self.times(folder.name)
+        times = self.times(folder.name) or Times([])
         return {
             **self._required(folder, FIT)["spec"],
             **{name: labels[name] for name in (*CONDITIONS, "controller_key")},
@@ -311,7 +312,8 @@ class Results:
             "episodes": count,
             "successes": int(labels["successes"]),
             "diverged": int(labels["diverged"]),
-            "fit_seconds": np.median(times) if times else np.nan,
+            "fit_seconds": _median(times.fit),
+            "action_seconds": _median(times.action),
             "folder": folder.name,
         }
 
@@ -348,6 +350,11 @@ class Results:
             REPORTED.add((path, stamp))
             advice = "the next `bench run` sets it aside"
             print(f"{path} is damaged ({reason}); {advice}", file=sys.stderr)
+
+
+def _median(times: Sequence[float]) -> float:
+    """Returns the median, NaN of nothing."""
+    return float(np.median(times)) if times else np.nan
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:

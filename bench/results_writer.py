@@ -2,7 +2,7 @@
 
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -21,6 +21,7 @@ from bench.stored_files import (
     FIT,
     TIMES,
     WEIGHTS,
+    Times,
     episodes_to_table,
     non_finite_of,
     seal_evaluation,
@@ -100,9 +101,9 @@ class ResultsWriter:
         files = seal_learnt(CONTROLLER, controller, spec, contents, facts)
         self.write_folder(controller_path(self.folder, controller), files)
 
-    def add_times(self, folder: str, seconds: Sequence[float]) -> None:
-        """Stores the CPU seconds of the fit in a folder that `Results.frame` names."""
-        self.write(self.folder / "cells" / folder / TIMES, seal_times(folder, seconds))
+    def add_times(self, folder: str, times: Times) -> None:
+        """Stores the times of the fit in a folder that `Results.frame` names."""
+        self.write(self.folder / "cells" / folder / TIMES, seal_times(folder, times))
 
     def add_episodes(
         self, fit: "Fit", evaluation: "Evaluation", made: "Evaluated", keep: int = 0

@@ -22,7 +22,7 @@ _FIT = (
     *("task", "method", "variant", "size", "config", "demos", "held_out", "seed"),
     *("demos_key", "settings", "pins"),
 )
-_SUMS = ("episodes", "successes", "diverged", "fit_seconds", "folder")
+_SUMS = ("episodes", "successes", "diverged", "fit_seconds", "action_seconds", "folder")
 COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
 """The columns of `Source.frame`."""
 OUTCOMES = ("start", "success", "diverged", "steps")
@@ -36,8 +36,8 @@ class Source(Protocol):
         """Returns one row for each stored evaluation that a study has requested.
 
         Columns: the fields of `Fit` and `Evaluation`; the numbers of ``episodes``, ``successes``
-        and ``diverged`` episodes; ``fit_seconds`` (NaN before `bench time` has measured them);
-        ``folder``, which names the fit.
+        and ``diverged`` episodes; ``fit_seconds`` and ``action_seconds`` (NaN before
+        `bench time` has measured them); ``folder``, which names the fit.
 
         Raises:
             InputError: there are no results.

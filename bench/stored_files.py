@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -69,17 +69,28 @@ def read_learnt(folder: Path, name: str) -> dict[str, Any]:
 
 
 # Times and failures
-def seal_times(folder: str, seconds: Sequence[float]) -> bytes:
+class Times(NamedTuple):
+    """Measured CPU seconds."""
+
+    fit: Sequence[float]
+    """Of the whole fit."""
+    action: Sequence[float] = ()
+    """Of one control step of one episode; unknown in results of version 0.1."""
+
+
+def seal_times(folder: str, times: Times) -> bytes:
     """Returns the content of `TIMES` in the folder of that name."""
-    return seal_record({"folder": folder, "seconds": list(seconds)})
+    seconds, action = list(times.fit), list(times.action)
+    return seal_record({"folder": folder, "seconds": seconds, "action_seconds": action})
 
 
-def read_times(path: Path) -> list[float]:
-    """Returns the measured CPU seconds of a fit."""
+def read_times(path: Path) -> Times:
+    """Returns the measured times of a fit."""
     record = read_record(path)
     with reading(path):
         check(record["folder"] == path.parent.name, path, "its place")
-        return [float(seconds) for seconds in record["seconds"]]
+        found = record["seconds"], record.get("action_seconds", [])
+        return Times(*([float(seconds) for seconds in measured] for measured in found))
 
 
 def seal_failure(label: str, tries: int, reason: str, traceback: str) -> bytes:

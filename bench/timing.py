@@ -1,10 +1,11 @@
-"""Measures the CPU seconds of fits, outside of a run, whose jobs share the processor's caches."""
+"""Measures the CPU seconds of fits and actions, outside of a run, whose jobs share caches."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
+from time import process_time
 from typing import Any
 
 from bench.backend import Call, Listed, Workers, answers, workers
@@ -14,10 +15,15 @@ from bench.interrupts import Interrupts
 from bench.isolation import Failure
 from bench.results_writer import writing
 from bench.spec import EXPERT, VALIDATION, Fit
+from bench.stored_files import Times
 from bench.training_data import training_demos, validation_demos
 from bench.verify import stored_fit
+from methods.base import ActionMethod, Method, MotionMethod
+from methods.contract import actions, begin, loaded, motion
 from methods.kodex import LIFTING_VARIANTS
-from tasks.data import Demos
+from methods.registry import get_method
+from tasks.data import Demos, FloatArray, generator
+from tasks.registry import get_task
 
 REPEATS = 3
 EPOCHS_SHARE = 0.05
@@ -61,7 +67,8 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
                     report(f"{label} cannot be timed: {answer.result.reason}")
                 else:
                     writer.add_times(row["folder"], answer.result)
-                    report(f"{label}: {median(answer.result):.3g} s")
+                    fit, action = map(median, answer.result)
+                    report(f"{label}: {fit:.3g} s, an action {1e6 * action:.3g} µs")
                     timed += 1
             interrupts.check()
     return timed
@@ -74,8 +81,8 @@ def _call(row: dict[str, Any]) -> Call:
     return f"time {fit.label}", timing_job, arguments
 
 
-def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
-    """Returns the CPU seconds of a fit, measured `REPEATS` times.
+def timing_job(fit: Fit, demos: Demos, validation: Demos) -> Times:
+    """Returns the CPU seconds of a fit and of an action, each measured `REPEATS` times.
 
     A network is timed for a share of its epochs.
     """
@@ -83,5 +90,23 @@ def timing_job(fit: Fit, demos: Demos, validation: Demos) -> list[float]:
     timed = max(1, round(EPOCHS_SHARE * epochs))
     config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
     timed_fit = replace(fit, config=config)
-    measured = [fit_methods([timed_fit], [demos], [validation])[0].seconds for _ in range(REPEATS)]
-    return [seconds * epochs / timed for seconds in measured]
+    fitted = [fit_methods([timed_fit], [demos], [validation])[0] for _ in range(REPEATS)]
+    made, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
+    method, states = loaded(made, config, layout, fitted[0].parameters), demos.states[:1]
+    return Times(
+        [one.seconds * epochs / timed for one in fitted],
+        [_episode_seconds(method, states) / (states.shape[1] - 1) for _ in range(REPEATS)],
+    )
+
+
+def _episode_seconds(method: Method, states: FloatArray) -> float:
+    """The CPU seconds of what a method answers in an episode (1, T, D), without the controller."""
+    began, steps = process_time(), states.shape[1] - 1
+    if isinstance(method, MotionMethod):
+        motion(method, states[:, 0], steps)
+    else:
+        assert isinstance(method, ActionMethod)
+        begin(method, states[:, 0], [generator("timing")])
+        for t in range(steps):
+            actions(method, states[:, t], t)
+    return process_time() - began

@@ -29,6 +29,7 @@ from reports.exhibits import (
     table_6,
     table_11,
     table_12,
+    times,
 )
 
 EXHIBITS: tuple[Exhibit, ...] = (
@@ -52,6 +53,7 @@ EXHIBITS: tuple[Exhibit, ...] = (
     rank.EXHIBIT,
     efficiency.EXHIBIT,
     efficiency_time.EXHIBIT,
+    times.EXHIBIT,
     audit_variant.EXHIBIT,
     audit_rule.EXHIBIT,
     audit_physics.EXHIBIT,

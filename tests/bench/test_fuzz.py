@@ -15,6 +15,7 @@ from bench.cli_status import progress
 from bench.experiments import cells_of
 from bench.presets import PRESETS
 from bench.sealed_files import seal_record
+from bench.stored_files import Times
 from bench.studies import Options, study_of
 from methods.base import shortened
 from methods.registry import get_method, method_names
@@ -135,7 +136,7 @@ def paths_in(record, above=()):
 
 def test_any_stored_file_is_read_or_set_aside_or_refused(stored, tmp_path, times, capsys):
     writer = stored.writer
-    writer.add_times(stored.results.frame().folder[0], [1.0])
+    writer.add_times(stored.results.frame().folder[0], Times([1.0]))
     writer.add_failure("label", "reason", "traceback")
     results = writer.results
     paths = [path for path in sorted(writer.folder.rglob("*")) if path.is_file()]

@@ -13,6 +13,7 @@ import pytest
 import bench as suite
 from bench.results import REPORTED
 from bench.results_writer import writing
+from bench.stored_files import Times
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
@@ -49,7 +50,7 @@ def folder(task, smoke, bench, tmp_path):
     assert bench(*RUN, str(out))[0] == 0
     with writing(out) as writer:
         rows = writer.results.frame().query("method == 'kodex' and seed == 1")
-        writer.add_times(rows.folder.iloc[0], [1.0])
+        writer.add_times(rows.folder.iloc[0], Times([1.0]))
         writer.add_failure("a method", "reason", "traceback")
     return out
 

@@ -7,6 +7,7 @@ from bench.remarks import remarks
 from bench.results import Results
 from bench.results_writer import writing
 from bench.spec import Evaluation
+from bench.stored_files import Times
 from tasks.data import NonFinite
 from tasks.errors import InputError
 
@@ -70,8 +71,9 @@ def test_the_frame_shows_the_last_requested_evaluations(stored):
 def test_the_frame_has_the_median_of_measured_times(stored):
     row = stored.results.frame().loc[0]
     assert np.isnan(row.fit_seconds)
-    stored.writer.add_times(row.folder, [3.0, 1.5, 1.0])
-    assert stored.results.frame().loc[0, "fit_seconds"] == 1.5
+    stored.writer.add_times(row.folder, Times([3.0, 1.5, 1.0], [0.2, 0.1, 0.3]))
+    row = stored.results.frame().loc[0]
+    assert (row.fit_seconds, row.action_seconds) == (1.5, 0.2)
 
 
 def test_an_empty_frame_has_all_columns(stored, tmp_path):
@@ -129,7 +131,7 @@ def test_damage_between_two_reads_is_detected(stored, damage):
 
 def test_damaged_times_and_failures_count_as_missing(stored, damage, capsys):
     folder = stored.results.frame().loc[0, "folder"]
-    stored.writer.add_times(folder, [1.0])
+    stored.writer.add_times(folder, Times([1.0]))
     stored.writer.add_failure("one", "reason", "traceback")
     for pattern in ("cells/*/times.json", "failures/*.json"):
         damage(stored.path(pattern))

@@ -2,6 +2,7 @@ import pytest
 
 from bench.results_writer import writing
 from bench.spec import Evaluation
+from bench.stored_files import Times
 from tasks.errors import InputError
 
 
@@ -47,14 +48,14 @@ def test_detected_damage_is_set_aside_and_can_be_stored_again(stored, damage, na
 
 def test_new_files_replace_damaged_ones(stored, damage, capsys):
     folder = stored.results.frame().loc[0, "folder"]
-    stored.writer.add_times(folder, [1.0])
+    stored.writer.add_times(folder, Times([1.0]))
     stored.writer.add_failure("one", "reason", "traceback")
     for pattern in ("cells/*/eval-*", "cells/*/times.json", "failures/*"):
         damage(stored.path(pattern))
     results = stored.writer.results
     assert (results.times(folder), results.failures()) == (None, [])
     stored.writer.add_episodes(stored.fit, stored.evaluation, stored.episodes(0, 4))
-    stored.writer.add_times(folder, [2.0])
+    stored.writer.add_times(folder, Times([2.0]))
     stored.writer.add_failure("one", "reason", "traceback")
     stored.writer.set_aside_damage()
     assert len(set_aside(stored)) == 3

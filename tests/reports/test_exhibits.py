@@ -56,6 +56,7 @@ class MadeUp(Results):
                 "episodes": cell.episodes,
                 "successes": int(cell.episodes * rate(cell.fit.label)),
                 "fit_seconds": 10 * rng.random(),
+                "action_seconds": rng.random() / 1000,
                 "folder": cell.fit.label,
             }
             rows.append(asdict(cell.fit) | asdict(cell.evaluation) | counts)

@@ -67,7 +67,13 @@ class Few(Results):
             **{"task": "door", "variant": "described", "size": "single", "demos": 200},
             **{"held_out": 0, "pins": "p"},
             **PLAIN | {"controller_key": "", "demos_key": "k"},
-            **{"config": {}, "episodes": 200, "diverged": 0, "fit_seconds": 2.0},
+            **{
+                "config": {},
+                "episodes": 200,
+                "diverged": 0,
+                "fit_seconds": 2.0,
+                "action_seconds": 0.1,
+            },
         }
         self.frame = pd.DataFrame(
             {**same, **place, "method": method, "seed": seed, "folder": f"{method}-{seed}"}

@@ -47,7 +47,8 @@ def everything():
     ]
     rows += [row for name in OWN for row in rows_of(name)]
     numbers = {"episodes": 12, "successes": 6, "diverged": 0}
-    return pd.DataFrame(rows).assign(**numbers, fit_seconds=generator("s").random(len(rows)))
+    seconds = generator("s").random((2, len(rows)))
+    return pd.DataFrame(rows).assign(**numbers, fit_seconds=seconds[0], action_seconds=seconds[1])
 
 
 def rows_of(name):
