@@ -11,6 +11,7 @@ from bench.doing import doing, say
 from bench.options import SOME_FAILED, TaskName, number
 from bench.parsing import known_names
 from bench.parsing import seeds as parse_seeds
+from tasks.disturbances import find_disturbances
 from tasks.files import new_path
 from tasks.registry import TASKS, get_task
 from tasks.words import count_of
@@ -56,6 +57,36 @@ def make(
             training, validation = map(len, split(load_demos(task, seed)))
         place = demos_path(task, seed)
         print(f"{name}: {training} + {validation} demonstrations in {place}", flush=True)
+
+
+@app.command()
+def disturb(
+    task: TaskName,
+    disturbance: Annotated[
+        str,
+        typer.Argument(
+            help="Kinds and strengths, such as joints_off_0.05 or joints_off_0.05+late_1, see"
+            " `bench describe disturbed`."
+        ),
+    ],
+    out: NewFile,
+    seed: Annotated[int, number(1, "Seed of the starts.")] = 1,
+) -> None:
+    """Record how the expert corrects: 250 demonstrations of disturbed episodes that succeed."""
+    from tasks.demos import TRAINING, VALIDATION
+    from tasks.demos_files import save_demos
+    from tasks.experts import load_expert
+    from tasks.recorder import make_demos
+
+    chosen, wanted = get_task(task), TRAINING + VALIDATION
+    find_disturbances(disturbance, chosen)
+    new_path(out)
+    with doing(f"recording the expert on {task} with {disturbance}"):
+        demos = make_demos(
+            chosen, load_expert(chosen).policy, wanted, seed, disturbance=disturbance
+        )
+    save_demos(demos, out)
+    print(f"wrote {count_of(len(demos), 'demonstration')} to {out}")
 
 
 @app.command("export")

@@ -16,14 +16,13 @@ from bench.controller import Controller, train_controllers
 from bench.provenance import provenance, software
 from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
-from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
+from bench.spec import EXPERT, Cell, ControllerSpec, Fit
 from methods.base import ActionMethod, Method, MotionMethod, Parameters, fits_together
 from methods.contract import ContractError, Learnt, learn, loaded, motion
 from methods.guard import guarded
 from methods.registry import get_method
 from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
-from tasks.disturbances import find_disturbances
-from tasks.disturbed import Disturbed
+from tasks.disturbed import disturbed
 from tasks.experts import load_expert
 from tasks.files import from_bytes, to_bytes
 from tasks.pins import check_mark
@@ -137,7 +136,8 @@ def evaluate(
         row = kept + first
         with guarded(f"{cell.fit.label} {evaluation.name}", row), _named([cell.fit]):
             policy = make_policy(cell, parameters, controller)
-            chunk, driver = starts[first : first + CHUNK], disturbed(policy, evaluation)
+            driver = disturbed(policy, evaluation.disturbance, task)
+            chunk = starts[first : first + CHUNK]
             episodes = rollout(task, chunk, driver, evaluation.physics, threads=threads)
             if isinstance(policy, TrackedMotion | FeedbackPolicy):
                 episodes = replace(episodes, non_finite=policy.non_finite(row))
@@ -173,9 +173,3 @@ def make_policy(cell: Cell, parameters: bytes, controller: bytes) -> Policy:
         return TrackedMotion(method, Controller(from_bytes(controller)), cell.evaluation.replan)
     assert isinstance(method, ActionMethod)
     return FeedbackPolicy(method)
-
-
-def disturbed(policy: Policy, evaluation: Evaluation) -> Policy:
-    """Returns the policy as the conditions of an evaluation disturb it."""
-    found = find_disturbances(evaluation.disturbance, get_task(evaluation.task))
-    return Disturbed(policy, found) if found else policy

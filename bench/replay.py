@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.computing import disturbed, make_policy
+from bench.computing import make_policy
 from bench.isolation import apart
 from bench.jobs import stored_bytes
 from bench.labels import plain
@@ -21,6 +21,7 @@ from bench.verify import stored_cell
 from methods.guard import guarded
 from methods.registry import SUITE
 from tasks.data import Episodes, FloatArray, join_episodes
+from tasks.disturbed import disturbed
 from tasks.errors import InputError
 from tasks.pins import pin
 from tasks.registry import get_task
@@ -134,7 +135,8 @@ def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: 
     for first in sorted({start // CHUNK * CHUNK for start in starts}):
         with guarded(f"{cell.fit.label} {evaluation.name}", first):
             watcher = Watcher(make_policy(cell, *stored), starts)
-            chunk, driver = every[first : first + CHUNK], disturbed(watcher, evaluation)
+            chunk = every[first : first + CHUNK]
+            driver = disturbed(watcher, evaluation.disturbance, task)
             found = rollout(task, chunk, driver, evaluation.physics, whole=whole)
             parts.append(watcher.finish(found))
     planned = [part.planned for part in parts if part.planned is not None]

@@ -7,7 +7,7 @@ import numpy as np
 
 from tasks.base import Task
 from tasks.data import FloatArray, IntArray, Starts, generator
-from tasks.disturbances import Disturbance
+from tasks.disturbances import Disturbance, find_disturbances
 from tasks.simulator import Policy, Simulator
 
 HAND, OBJECT = "hand", "object"
@@ -19,6 +19,16 @@ def _joints(task: Task, what: str) -> IntArray:
     if what == OBJECT:
         return np.array([model.joint(name).id for name in task.object_slides])
     return np.flatnonzero(model.jnt_type[: task.robot_dim] == mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def disturbed(policy: Policy, name: str, task: Task) -> Policy:
+    """Returns a policy whose episodes are disturbed as the name says.
+
+    Raises:
+        InputError: see `tasks.disturbances.find_disturbances`.
+    """
+    found = find_disturbances(name, task)
+    return Disturbed(policy, found) if found else policy
 
 
 class Disturbed:

@@ -7,6 +7,8 @@ import numpy as np
 
 from tasks.base import Task
 from tasks.data import BoolArray, Demos, FloatArray, IntArray, Starts, UnclippedDemos, join_demos
+from tasks.disturbances import UNDISTURBED
+from tasks.disturbed import disturbed
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
 from tasks.simulator import CHUNK, Policy, Simulator, rollout
@@ -59,6 +61,7 @@ def record(
     threads: int = 0,
     failures: bool = False,
     raw: bool = False,
+    disturbance: str = UNDISTURBED,
 ) -> tuple[BoolArray, Demos]:
     """Runs a policy; returns its success at each start (B,), and its successful episodes.
 
@@ -70,25 +73,35 @@ def record(
         threads: number of threads; 0 for one per core.
         failures: also return failed episodes, except diverged ones.
         raw: return actions as the policy returned them, instead of clipped to [-1, 1].
+        disturbance: what disturbs the episodes, see `tasks.disturbances`. What the policy read
+            and answered is recorded.
     """
     success, found = [], []
     for first in range(0, len(starts), CHUNK):
         recorder = Recorder(policy, raw)
         part = starts[first : first + CHUNK]
-        episodes = rollout(task, part, recorder, physics, threads=threads, whole=True)
+        driver = disturbed(recorder, disturbance, task)
+        episodes = rollout(task, part, driver, physics, threads=threads, whole=True)
         success.append(episodes.success)
         kept = ~episodes.diverged if failures else episodes.success
         found.append(recorder.finish(np.flatnonzero(kept)))
     return np.concatenate(success), join_demos(found)
 
 
-def make_demos(task: Task, expert: Policy, n: int, seed: int = 0, threads: int = 0) -> Demos:
+def make_demos(
+    task: Task,
+    expert: Policy,
+    n: int,
+    seed: int = 0,
+    threads: int = 0,
+    disturbance: str = UNDISTURBED,
+) -> Demos:
     """Returns an expert's first n successful episodes from the starts ``demo`` of a seed.
 
     Raises:
         InputError: fewer than one episode in ten succeeds.
     """
-    attempt = partial(record, task, policy=expert, threads=threads)
+    attempt = partial(record, task, policy=expert, threads=threads, disturbance=disturbance)
     return collect(task, n, "the expert", attempt, seed)[1]
 
 

@@ -6,6 +6,7 @@ from tasks.disturbances import KINDS, UNDISTURBED, find_disturbances, names_of
 from tasks.disturbed import Disturbed
 from tasks.errors import InputError
 from tasks.experts import load_expert
+from tasks.recorder import make_demos
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator, rollout
 
@@ -169,3 +170,16 @@ def test_names_that_mean_nothing_are_refused(name, answer):
 def test_an_object_that_cannot_move_is_not_disturbed():
     with pytest.raises(InputError, match="the object of door is not free to move"):
         find_disturbances("object_off_0.01", get_task("door"))
+
+
+def test_demonstrations_of_a_disturbed_expert_show_what_it_read_and_answered():
+    task, expert = get_task("door"), load_expert(get_task("door")).policy
+    demos = make_demos(task, expert, 5, seed=3, threads=1, disturbance="joints_off_0.05+late_1")
+    plain = make_demos(task, expert, 5, seed=3, threads=1)
+    off = demos.states[:, 0, : task.robot_dim] - plain.states[:, 0, : task.robot_dim]
+    assert 0.02 < off.std() < 0.06
+    simulator = Simulator(task, demos.starts, threads=1)
+    Disturbed(expert, find_disturbances("joints_off_0.05", task)).reset(simulator)
+    np.testing.assert_array_equal(simulator.state(), demos.states[:, 0])
+    answered = np.clip(expert.act(simulator, 0), -1, 1)
+    np.testing.assert_allclose(answered, demos.actions[:, 0], atol=1e-12)
