@@ -18,6 +18,8 @@ from tasks.data import FloatArray
 if TYPE_CHECKING:
     from reports.exhibit import Exhibit
 
+HANDLE, LETTER = 0.5, 0.085
+"""Width of an entry of a legend without its label, and of a letter, at most [inches]."""
 PAPER = "paper"
 """The paper's values, in legends."""
 
@@ -105,7 +107,7 @@ def add_legend(drawing: Figure, exhibit: "Exhibit") -> None:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     found = dict(sorted(found.items(), key=lambda one: one[0] == PAPER))
-    in_a_row = min(len(found), max(2, int(drawing.get_figwidth() / 0.85)))
+    in_a_row = _in_a_row(list(found), drawing.get_figwidth())
     legend = drawing.legend(
         found.values(),
         found.keys(),
@@ -119,6 +121,15 @@ def add_legend(drawing: Figure, exhibit: "Exhibit") -> None:
     for text in legend.get_texts():
         if text.get_text() in own:
             text.set_fontweight("bold")
+
+
+def _in_a_row(labels: Sequence[str], width: float) -> int:
+    """Returns how many columns of a legend fit into a width [inches], at least 2 if there are 2."""
+    for columns in range(len(labels), 2, -1):
+        longest = [max(map(len, part)) for part in np.array_split(labels, columns)]
+        if sum(HANDLE + LETTER * letters for letters in longest) <= width:
+            return columns
+    return min(len(labels), 2)
 
 
 def add_marker_legend(drawing: Figure, looks: Mapping[str, Mapping[str, Any]]) -> None:

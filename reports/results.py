@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.controller_kinds import NO_CONTROLLER, ORIGINAL, TUNED
+from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
 from bench.labels import EXPERT, labelled, plain
 from bench.names import CONDITIONS, PLAIN
 from bench.packed import SHIPPED, open_results
@@ -28,7 +28,7 @@ from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
 
 SIZES = ("small", "median", "large")
-COMPARED = (NO_CONTROLLER, ORIGINAL, TUNED)
+COMPARED = (NO_CONTROLLER, ORIGINAL)
 """Controllers of every experiment but `audit`."""
 RATE = ("value", "spread", "low", "high", "basis", "seeds", "n")
 """Columns of a success rate in tables."""

@@ -22,7 +22,7 @@ def table(results: Results) -> pd.DataFrame:
         results.main(task=task, split="test", physics=physics, controller=controller)
         for task in TASKS
         for physics in CHANGES[task]
-        for controller in (ON_SUCCESSES, FINE_TUNED)
+        for controller in (TUNED, ON_SUCCESSES, FINE_TUNED)
     ]
     found = pd.concat(parts)
     others = [found.physics.isin(READINGS[task]) & (found.task == task) for task in TASKS]

@@ -3,13 +3,14 @@
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
-from reports.charts import dots
+from reports.charts import add_legend
 from reports.exhibit import Exhibit
 from reports.exhibits.all_tasks import of_all_tasks, of_seeds
 from reports.exhibits.success import success_of
 from reports.results import Results, rate_facts
-from reports.style import METHODS
+from reports.style import METHODS, colour, marker, ordered
 from reports.tables import in_order, table_of
 from tasks.masses import VARIATIONS
 
@@ -45,6 +46,22 @@ def by_condition(results: Results) -> pd.DataFrame:
     return in_order(pd.DataFrame(rows), METHODS, [*CONDITIONS]) if rows else table_of()
 
 
+def by_rows(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns a row for each condition, with the success of each method along it."""
+    conditions, methods = ordered(table.column, [*CONDITIONS]), ordered(table.row, METHODS)
+    drawing = Figure(figsize=(6.4, 0.7 + 0.42 * len(conditions)))
+    axes = drawing.subplots()
+    for method in methods:
+        part = table[table.row == method]
+        look = {"color": colour(method, methods), "label": exhibit.display(method)}
+        places = [conditions.index(name) for name in part.column]
+        axes.plot(part.value, places, marker(method, methods), ms=6, mec="white", mew=0.5, **look)
+    axes.set_yticks(range(len(conditions)), [exhibit.display(name) for name in conditions])
+    axes.set(xlabel=exhibit.axis, xlim=(-2, 102), ylim=(len(conditions) - 0.5, -0.5))
+    add_legend(drawing, exhibit)
+    return drawing
+
+
 EXHIBITS = (
     Exhibit(
         name="beyond",
@@ -60,6 +77,6 @@ EXHIBITS = (
         " (with the original controller) and disturbed.",
         table=by_condition,
         part="robustness",
-        figure=dots,
+        figure=by_rows,
     ),
 )

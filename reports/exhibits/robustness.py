@@ -1,5 +1,7 @@
 """Tables 7 to 10: success on each task in changed physics."""
 
+from functools import partial
+
 import pandas as pd
 
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL, TUNED
@@ -24,10 +26,12 @@ CONTROLLERS = (ORIGINAL, TUNED)
 def _exhibit(task: str, title: str) -> Exhibit:
     def table(results: Results) -> pd.DataFrame:
         """Returns a row for each method and controller, and a column for each physics."""
-        found = pd.concat([results.main(task=task, split="test", physics=v) for v in VARIATIONS])
+        of_task = partial(results.main, task=task, split="test")
+        found = pd.concat([of_task(physics=v) for v in VARIATIONS])
         if found.empty:
             return table_of()
-        found = pd.concat([results.main(task=task, split="test"), found])
+        tuned = [of_task(physics=v, controller=TUNED) for v in VARIATIONS]
+        found = pd.concat([of_task(), found, *tuned])
         uncontrolled = found.controller == NO_CONTROLLER
         label = found.method.where(uncontrolled, found.method + " " + found.controller)
         rates = success_table(results, found.assign(label=label), "label", "physics")

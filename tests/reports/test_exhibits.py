@@ -36,7 +36,7 @@ def rate(fit):
 
 
 class MadeUp(Results):
-    """Results of the presets `paper` and `audit` with random successes."""
+    """Results of the presets `paper`, `audit` and `beyond` with random successes."""
 
     frame = pd.DataFrame()
     notes = ("made up",)
@@ -48,7 +48,8 @@ class MadeUp(Results):
 
     def __init__(self):
         rng = generator("made up")
-        studies = (get_preset("audit"), get_preset("paper"))
+        beyond = replace(get_preset("beyond"), seeds=(1, 2))
+        studies = (get_preset("audit"), beyond, get_preset("paper"))
         cells = [cell for study in studies for cell in cells_of(study, dict.fromkeys(TASKS, "key"))]
         rows = []
         for cell in {(cell.fit.key, cell.evaluation.name): cell for cell in cells}.values():
@@ -150,6 +151,12 @@ def test_robustness_has_the_papers_rows_and_numbers_and_a_nominal_column(number,
     assert set(table.n) == {200}
     beside = table[table.column != "nominal"].published.notna().sum()
     assert beside == (40 if number == 7 else 44)
+
+
+def test_methods_beyond_the_paper_are_compared_with_one_controller(results):
+    for name in ("beyond_conditions", "closed_loop"):
+        seeds = BY_NAME[name].table(results).seeds
+        assert set(seeds) == {2}, name
 
 
 def test_intervals_contain_the_value_and_spreads_are_over_seeds(results):
