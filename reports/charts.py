@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from reports.seed_statistics import ONE_SEED
-from reports.style import INK, colour, display, hatch, marker
+from reports.style import INK, colour, dashes, display, hatch, marker
 from tasks.data import FloatArray
 
 if TYPE_CHECKING:
@@ -97,6 +97,39 @@ def task_panels(
     for task, axes in found.items():
         axes.set_title(display(task), fontsize=10, loc="left")
     return drawing, found
+
+
+def add_line(
+    axes: Axes,
+    x: ArrayLike,
+    part: pd.DataFrame,
+    row: str,
+    rows: Sequence[str],
+    exhibit: "Exhibit",
+) -> None:
+    """Adds the line of a row, with its intervals if there are any.
+
+    Args:
+        axes: the panel.
+        x: places of the values on the x-axis.
+        part: the values, lines of a table.
+        row: name of the row.
+        rows: all names in the figure.
+        exhibit: whose names readers see.
+    """
+    drawn = axes.errorbar(
+        x,
+        part.value,
+        errors_of(part),
+        marker=marker(row, rows),
+        ls=dashes(row, rows),
+        ms=3.5,
+        lw=1.2,
+        elinewidth=0.7,
+        color=colour(row, rows),
+        label=exhibit.display(row),
+    )
+    dot_single_fits(drawn, part)
 
 
 def add_legend(drawing: Figure, exhibit: "Exhibit") -> None:

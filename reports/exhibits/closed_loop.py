@@ -1,14 +1,19 @@
 """Success of methods that predict their motion anew on the way."""
 
 import pandas as pd
+from matplotlib.figure import Figure
 
+from reports.charts import add_legend, add_line
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import METHODS
+from reports.style import METHODS, TASKS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import UNDISTURBED
+from tasks.masses import VARIATIONS
 
 NEVER = "once"
+PANEL = (1.65, 1.6)
+"""Width and height of a panel [inches]."""
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -17,8 +22,8 @@ def table(results: Results) -> pd.DataFrame:
     conditions = found[["physics", "disturbance"]].drop_duplicates().to_dict("records")
     replans = sorted(found.replan.unique(), reverse=True)
     parts = [
-        results.main(split="test", replan=replan, **condition).assign(rank=rank)
-        for rank, condition in enumerate(conditions)
+        results.main(split="test", replan=replan, **condition)
+        for condition in conditions
         for replan in (0, *replans)
     ]
     kept = [part[part.method.isin(found.method)] for part in parts]
@@ -28,21 +33,56 @@ def table(results: Results) -> pd.DataFrame:
     place = shown.physics.where(shown.disturbance == UNDISTURBED, shown.disturbance)
     often = shown.replan.map(lambda replan: f"every_{replan}" if replan else NEVER)
     label = shown.method + " " + place + " " + often
+    intervals = (NEVER, *(f"every_{replan}" for replan in replans))
     rows = [
         f"{method} {name} {when}"
         for method in METHODS
         for name in place.drop_duplicates()
-        for when in (NEVER, *(f"every_{replan}" for replan in replans))
+        for when in intervals
     ]
-    return in_order(success_table(results, shown.assign(label=label), "label", "task"), rows)
+    rates = in_order(success_table(results, shown.assign(label=label), "label", "task"), rows)
+    rates[["method", "place", "often"]] = rates.row.str.split(" ", expand=True)
+    return rates
+
+
+def in_nominal_physics(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns the rows without changed physics."""
+    return table[~table.place.isin(VARIATIONS)]
+
+
+def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns a row of panels for each condition: success by interval, a panel for each task."""
+    table = in_nominal_physics(table)
+    tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
+    places = table.place.drop_duplicates().tolist()
+    size = (PANEL[0] * len(tasks) + 0.8, PANEL[1] * len(places) + 0.8)
+    drawing = Figure(figsize=size)
+    panels = drawing.subplots(len(places), len(tasks), sharex=True, sharey=True, squeeze=False)
+    for place, row in zip(places, panels, strict=True):
+        for task, axes in zip(tasks, row, strict=True):
+            here = table[(table.place == place) & (table.column == task)]
+            for method in methods:
+                part = here[here.method == method]
+                add_line(axes, range(len(part)), part, method, methods, exhibit)
+        row[0].set_ylabel(display(place).replace("+", " +\n"))
+    for task, first, last in zip(tasks, panels[0], panels[-1], strict=True):
+        first.set_title(display(task), fontsize=10)
+        names = [name.removeprefix("every_") for name in table.often.drop_duplicates()]
+        last.set_xticks(range(len(names)), names)
+    panels[0, 0].set_ylim(-3, 103)
+    drawing.supxlabel("control steps between two predictions", fontsize=10)
+    drawing.supylabel(exhibit.axis, fontsize=10)
+    add_legend(drawing, exhibit)
+    return drawing
 
 
 EXHIBIT = Exhibit(
     name="closed_loop",
     title="Predicting anew on the way",
     about="Success [%] on test starts of methods whose motion is predicted once, from the start, or"
-    " anew from the present state every so many control steps.",
+    " anew from the present state every so many control steps. Changed physics: in the CSV file.",
     table=table,
     part="robustness",
-    axis="",
+    figure=figure,
+    summary=in_nominal_physics,
 )

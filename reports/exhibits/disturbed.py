@@ -1,13 +1,12 @@
 """Success when hand, object, sensors or actions are not as they should be."""
 
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, dot_single_fits, errors_of
+from reports.charts import add_legend, add_line
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, dashes, display, marker, ordered
+from reports.style import METHODS, TASKS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import KINDS, UNDISTURBED, Disturbance
 
@@ -50,7 +49,9 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         for kind, axes in zip(kinds, row, strict=True):
             here = table[(table.column == task) & table.kind.isin([UNDISTURBED, kind])]
             if (here.kind == kind).any():
-                _draw(axes, here, methods, exhibit)
+                for method in methods:
+                    part = here[here.method == method].sort_values("strength")
+                    add_line(axes, part.strength, part, method, methods, exhibit)
             else:
                 axes.set_axis_off()
         row[0].set_ylabel(display(task), fontweight="bold")
@@ -60,24 +61,6 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     drawing.supylabel(exhibit.axis, fontsize=10)
     add_legend(drawing, exhibit)
     return drawing
-
-
-def _draw(axes: Axes, here: pd.DataFrame, methods: list[str], exhibit: Exhibit) -> None:
-    for method in methods:
-        part = here[here.method == method].sort_values("strength")
-        drawn = axes.errorbar(
-            part.strength,
-            part.value,
-            errors_of(part),
-            marker=marker(method, methods),
-            ls=dashes(method, methods),
-            ms=3.5,
-            lw=1.2,
-            elinewidth=0.7,
-            color=colour(method, methods),
-            label=exhibit.display(method),
-        )
-        dot_single_fits(drawn, part)
 
 
 EXHIBIT = Exhibit(

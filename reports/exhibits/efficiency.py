@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, dot_single_fits, errors_of, task_panels
+from reports.charts import add_legend, add_line, task_panels
 from reports.exhibit import Exhibit
 from reports.pairing import without_expert
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, marker, ordered
+from reports.style import METHODS, TASKS, ordered
 from reports.tables import table_of
 
 
@@ -57,18 +57,7 @@ def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     for task, axes in panels.items():
         for method in methods:
             part = table[(table.column == task) & (table.method == method)]
-            drawn = axes.errorbar(
-                part.demos,
-                part.value,
-                errors_of(part),
-                marker=marker(method, methods),
-                ms=4,
-                lw=1.2,
-                capsize=2,
-                color=colour(method, methods),
-                label=exhibit.display(method),
-            )
-            dot_single_fits(drawn, part)
+            add_line(axes, part.demos, part, method, methods, exhibit)
         axes.set(xscale="log")
         axes.set_xticks(counts, _tick_labels(counts), fontsize=9)
         axes.minorticks_off()
