@@ -60,7 +60,7 @@ def test_new_files_replace_damaged_ones(stored, damage, capsys):
     stored.writer.set_aside_damage()
     assert len(set_aside(stored)) == 3
     assert results.stored_episodes(stored.wanted) == 4
-    assert results.times(folder) == [2.0]
+    assert results.times(folder) == Times([2.0], [])
     assert [one["tries"] for one in results.failures()] == [1]
 
 
