@@ -1,6 +1,7 @@
 """Whether results have the same bits that must have the same: equal keys, pins and versions."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,35 +16,43 @@ from tasks.files import from_bytes
 from tasks.simulator import CHUNK
 
 
+@dataclass(frozen=True)
+class _Learnt:
+    """How a kind of what is learnt is read from results."""
+
+    title: str
+    """Text before a label."""
+    has: Callable[[Results, Name], bool]
+    facts: Callable[[Results, Name], dict[str, Any]]
+    weights: Callable[[Results, Name], bytes]
+
+
+_CONTROLLER = _Learnt(
+    "controller ", Results.has_controller, Results.controller_facts, Results.controller_weights
+)
+_FIT = _Learnt("", Results.has_fit, Results.fit_facts, Results.parameters)
+
+
 def first_difference(one: Results, other: Results, wanted: Wanted) -> str:
     """Returns where two folders differ in what must be the same of an evaluation, or nothing.
 
     Compared are controller, fit and episodes, each if both folders have it and its software was the
     same and pinned, see `tasks.pins`.
     """
-    controllers = (_controllers_differ(one, other, name) for name in wanted.controllers)
-    found = next(filter(None, controllers), "") or _fits_differ(one, other, wanted)
-    return found or _evaluations_differ(one, other, wanted)
+    learnt = [(_CONTROLLER, name) for name in wanted.controllers]
+    learnt += [(_FIT, wanted.fit)] if wanted.fitted else []
+    found = (_learnt_differ(one, other, kind, name) for kind, name in learnt)
+    return next(filter(None, found), "") or _evaluations_differ(one, other, wanted)
 
 
-def _controllers_differ(one: Results, other: Results, spec: Name) -> str:
-    both = (one, other)
-    if not all(results.has_controller(spec) for results in both):
+def _learnt_differ(one: Results, other: Results, kind: _Learnt, name: Name) -> str:
+    both = one, other
+    if not all(kind.has(results, name) for results in both):
         return ""
-    if not same_bits(*(results.controller_facts(spec) for results in both)):
+    if not same_bits(*(kind.facts(results, name) for results in both)):
         return ""
-    found = weights_differ(*(results.controller_weights(spec) for results in both))
-    return found and f"controller {spec.label}: {found}"
-
-
-def _fits_differ(one: Results, other: Results, wanted: Wanted) -> str:
-    fit, both = wanted.fit, (one, other)
-    if not wanted.fitted or not all(results.has_fit(fit) for results in both):
-        return ""
-    if not same_bits(*(results.fit_facts(fit) for results in both)):
-        return ""
-    found = weights_differ(*(results.parameters(fit) for results in both))
-    return found and f"{fit.label}: {found}"
+    found = weights_differ(*(kind.weights(results, name) for results in both))
+    return found and f"{kind.title}{name.label}: {found}"
 
 
 def _evaluations_differ(one: Results, other: Results, wanted: Wanted) -> str:
