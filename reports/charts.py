@@ -173,6 +173,22 @@ def add_marker_legend(drawing: Figure, looks: Mapping[str, Mapping[str, Any]]) -
     )
 
 
+def by_row(
+    table: pd.DataFrame, rows: Sequence[str], columns: Sequence[str], width: float
+) -> Iterator[tuple[str, ArrayLike, pd.DataFrame]]:
+    """Yields each row with the places of its values on the x-axis, and its values by column.
+
+    Args:
+        table: with the columns ``row`` and ``column``, one value for each pair of names.
+        rows: names; the values of a column stand beside each other in this order.
+        columns: names, at 0, 1, 2 and so on. A row that lacks one has NaN there.
+        width: distance of two rows.
+    """
+    for i, row in enumerate(rows):
+        x = np.arange(len(columns)) + (i - (len(rows) - 1) / 2) * width
+        yield row, x, table[table.row == row].set_index("column").reindex(columns)
+
+
 def errors_of(table: pd.DataFrame) -> FloatArray | None:
     """Returns how far intervals reach below and above the values (2, rows). None without intervals.
 
@@ -216,7 +232,7 @@ def _add_bars(
     rows = table.row.drop_duplicates().tolist()
     columns = table.column.drop_duplicates().tolist() if columns is None else columns
     width = min(0.8 / len(rows), 0.3)
-    for row, x, part in _by_row(table, rows, columns, width):
+    for row, x, part in by_row(table, rows, columns, width):
         drawn = axes.bar(
             x,
             part.value,
@@ -238,22 +254,13 @@ def _add_bars(
 
 def _add_dots(axes: Axes, table: pd.DataFrame, exhibit: "Exhibit") -> None:
     rows, columns = (table[name].drop_duplicates().tolist() for name in ("row", "column"))
-    for row, x, part in _by_row(table, rows, columns, min(0.6 / len(rows), 0.2)):
+    for row, x, part in by_row(table, rows, columns, min(0.6 / len(rows), 0.2)):
         shade = colour(row, rows)
         axes.plot(x, part.value, marker(row, rows), ms=7, color=shade, label=exhibit.display(row))
         _add_published(axes, x, part)
     _name_columns(axes, columns, exhibit)
     axes.set_xlim(-0.6, len(columns) - 0.4)
     axes.margins(y=0.15)
-
-
-def _by_row(
-    table: pd.DataFrame, rows: Sequence[str], columns: Sequence[str], width: float
-) -> Iterator[tuple[str, ArrayLike, pd.DataFrame]]:
-    """Yields each row with the places of its values on the x-axis, and its values by column."""
-    for i, row in enumerate(rows):
-        x = np.arange(len(columns)) + (i - (len(rows) - 1) / 2) * width
-        yield row, x, table[table.row == row].set_index("column").reindex(columns)
 
 
 def _add_published(axes: Axes, x: ArrayLike, part: pd.DataFrame) -> None:

@@ -1,9 +1,11 @@
 """Figure 6, center and right: imitation error and success by set of observables."""
 
+from itertools import cycle
+
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, dot_single_fits, errors_of
+from reports.charts import add_legend, by_row, dot_single_fits, errors_of
 from reports.exhibit import Exhibit
 from reports.exhibits.table_11 import SETS
 from reports.pairing import keep_common
@@ -48,19 +50,19 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     parts = table.row.str.split(": ", n=1, expand=True)
     tasks, sets = table.column.drop_duplicates().tolist(), parts[0].drop_duplicates().tolist()
     for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
-        for place, task in enumerate(tasks):
-            chosen = table[(parts[1] == quantity) & (table.column == task)]
-            beside = SPACING * (place - (len(tasks) - 1) / 2)
+        shown = table[parts[1] == quantity].assign(row=table.column, column=parts[0])
+        looks = zip(by_row(shown, tasks, sets, SPACING), cycle("o^sD"), strict=False)
+        for (task, x, values), marker in looks:
             drawn = axes.errorbar(
-                parts[0][chosen.index].map(sets.index) + beside,
-                chosen.value,
-                errors_of(chosen),
-                marker="o^sD"[place],
+                x,
+                values.value,
+                errors_of(values),
+                marker=marker,
                 capsize=2,
                 color=colour(task, tasks),
                 label=display(task),
             )
-            dot_single_fits(drawn, chosen)
+            dot_single_fits(drawn, values)
         axes.set(ylabel=quantity, ylim=(0, 1.08 * axes.get_ylim()[1]))
         axes.set(xticks=range(len(sets)), xticklabels=sets, xlim=(-0.5, len(sets) - 0.5))
     add_legend(drawing, exhibit)
