@@ -7,6 +7,7 @@ import multiprocessing.resource_tracker
 import os
 import pickle
 import signal
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -37,6 +38,9 @@ IN_THIS_PROCESS = "sequential"
 """The backend that runs jobs in the calling process, for tests and debuggers."""
 ORPHANED = 0.5
 """Seconds between two checks of a worker whether its run still exists."""
+
+LEFT = "ignore:resource_tracker:UserWarning"
+"""Filter of the warnings that a killed run has left semaphores and folders, which are removed."""
 
 Call = tuple[str, Job, tuple[Any, ...]]
 """The label of a job, a function and its arguments."""
@@ -95,6 +99,8 @@ def workers(where: Workers) -> Iterator[int]:
         InputError: the backend does not exist or cannot be used.
     """
     where.check()
+    if where.backend != IN_THIS_PROCESS:
+        _start_trackers()
     if where.backend == "dask":
         with (
             dask_client(where.scheduler, where.jobs) as client,
@@ -265,14 +271,25 @@ def _start_loky(jobs: int) -> None:
 
     Otherwise a worker that is still starting would die of Ctrl-C, and with it the others' jobs.
     """
-    # Starting a tracker unblocks the signal, so they start before it is blocked.
-    for tracker in (multiprocessing.resource_tracker, loky.backend.resource_tracker):
-        tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         Parallel(max(2, jobs))(delayed(os.getpid)() for _ in range(max(2, jobs)))
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _start_trackers() -> None:
+    """Starts the processes that remove what a killed run leaves, if they do not run yet.
+
+    They get the warning filters of this process, and with them `LEFT`. They start before
+    `_start_loky` blocks a signal, which starting them would unblock.
+    """
+    sys.warnoptions.append(LEFT)
+    try:
+        for tracker in (multiprocessing.resource_tracker, loky.backend.resource_tracker):
+            tracker.ensure_running()
+    finally:
+        sys.warnoptions.remove(LEFT)
 
 
 def _parallel(where: Workers) -> Parallel:

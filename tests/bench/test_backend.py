@@ -260,17 +260,18 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("harm", [signal.SIGKILL, signal.SIGHUP])
-def test_no_process_outlives_a_run_that_is_killed(backend, harm, tmp_path):
+def test_no_process_and_no_warning_outlives_a_run_that_is_killed(backend, harm, tmp_path):
     (tmp_path / "long.py").write_text(LONG)
     mark = f"bench-test-{tmp_path.name}"
     begin = f"pathlib.Path({str(tmp_path)!r}, str(os.getpid())).touch()"
     job = f"import pathlib, os, time\n{begin}\ntime.sleep(600)"
-    running = subprocess.Popen(
-        [sys.executable, str(tmp_path / "long.py"), backend, job],
-        env=os.environ | {"MARK": mark},
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    with (tmp_path / "said").open("w") as said:
+        running = subprocess.Popen(
+            [sys.executable, str(tmp_path / "long.py"), backend, job],
+            env=os.environ | {"MARK": mark},
+            stderr=said,
+            start_new_session=True,
+        )
     while sum(path.name.isdecimal() for path in tmp_path.iterdir()) < 2:
         time.sleep(0.05)
         assert running.poll() is None
@@ -280,6 +281,7 @@ def test_no_process_outlives_a_run_that_is_killed(backend, harm, tmp_path):
     while left := [p.pid for p in psutil.process_iter() if marked(p, mark)]:
         assert time.monotonic() < end, left
         time.sleep(0.1)
+    assert "leaked" not in (tmp_path / "said").read_text()
 
 
 def marked(process, mark):
