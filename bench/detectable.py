@@ -35,10 +35,10 @@ class StudyPower:
 
     seeds: int
     """Number of seeds of the study."""
-    median: Detectable
-    """With the median deviation over pairs of methods and tasks."""
+    overall: Detectable
+    """With the deviation of all pairs of methods and tasks, see `bench.power.pooled`."""
     tasks: Mapping[str, Detectable]
-    """With the median deviation over pairs of methods, by task. Tasks on which seeds do not differ
+    """With the deviation of all pairs of methods, by task. Tasks on which seeds do not differ
     are left out."""
     rests_on: str
     """The results from which the deviations are estimated."""
@@ -57,7 +57,7 @@ def power_of(study: Study) -> StudyPower | None:
 
 def power_given(study: Study, spread: Spread) -> StudyPower | None:
     """Returns what the seeds of a study can show; None if the seeds of the spread do not differ."""
-    if not spread.median > 0:
+    if not spread.overall > 0:
         return None
     seeds, reasons = len(study.seeds), []
     if spread.one_controller:
@@ -66,7 +66,7 @@ def power_given(study: Study, spread: Spread) -> StudyPower | None:
         reasons.append(f"a seed has {count_of(spread.episodes, 'episode')} there, more than here")
     return StudyPower(
         seeds,
-        _detectable(spread.median, seeds),
+        _detectable(spread.overall, seeds),
         {task: _detectable(one, seeds) for task, one in spread.by_task.items() if one > 0},
         _origin(spread),
         tuple(reasons),
@@ -99,7 +99,7 @@ def told(power: StudyPower | None) -> list[str]:
 
 
 def _smallest(power: StudyPower) -> str:
-    least = power.median.difference
+    least = power.overall.difference
     if least is None:
         return "one seed cannot show that two methods differ"
     text = (
@@ -116,7 +116,7 @@ def _smallest(power: StudyPower) -> str:
 def _takes(power: StudyPower) -> str:
     low, high = _ends(power)
     parts = []
-    for points, seeds in power.median.seeds_needed.items():
+    for points, seeds in power.overall.seeds_needed.items():
         most = f" ({power.tasks[high].seeds_needed[points]} on {high})" if low != high else ""
         parts.append(f"{seeds}{most} for {points} points")
     return f"seeds to tell two methods apart: {_about(power)} {', '.join(parts)}"
@@ -125,7 +125,8 @@ def _takes(power: StudyPower) -> str:
 def _rests(power: StudyPower) -> str:
     text = (
         f"estimated from {power.rests_on}, where the difference of two methods varies over seeds"
-        f" by {power.median.deviation:.1f} points (standard deviation, median over pairs)"
+        f" by {power.overall.deviation:.1f} points (root mean square of the standard deviations of"
+        " all pairs)"
     )
     if not power.lower_bound:
         return text

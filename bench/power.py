@@ -1,6 +1,8 @@
 """What a number of seeds can show: the smallest detectable difference of two methods."""
 
+from collections.abc import Iterable
 from math import sqrt
+from statistics import fmean
 
 from scipy.optimize import brentq
 from scipy.stats import nct, t
@@ -44,6 +46,14 @@ def detectable_difference(deviation: float, seeds: int) -> float:
     """
     # In standard deviations: three seeds need 3.3, two need 11.
     return float(brentq(lambda size: power(size, deviation, seeds) - POWER, 0, 20 * deviation))
+
+
+def pooled(deviations: Iterable[float]) -> float:
+    """Returns the root mean square of the standard deviations of several pairs of methods.
+
+    It stands for an average pair.
+    """
+    return sqrt(fmean(deviation**2 for deviation in deviations))
 
 
 def seeds_needed(difference: float, deviation: float) -> int:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from statistics import median
 from typing import TYPE_CHECKING
 
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
 from bench.names import PLAIN
+from bench.power import pooled
 from bench.presets import get_preset
 from bench.selection import chosen_sizes, used_size
 from methods.registry import SUITE, get_method
@@ -38,14 +38,14 @@ class Spread:
     deviations lack what controllers of their own would add."""
 
     @property
-    def median(self) -> float:
-        """The median over all pairs and tasks."""
-        return median(value for values in self.deviations.values() for value in values)
+    def overall(self) -> float:
+        """That of all pairs and tasks, see `bench.power.pooled`."""
+        return pooled(value for values in self.deviations.values() for value in values)
 
     @property
     def by_task(self) -> dict[str, float]:
-        """The median over the pairs of each task."""
-        return {task: median(values) for task, values in self.deviations.items()}
+        """That of the pairs of each task, see `bench.power.pooled`."""
+        return {task: pooled(values) for task, values in self.deviations.items()}
 
 
 def spread_over_seeds(frame: pd.DataFrame, tasks: Sequence[str]) -> Spread | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.power import detectable_difference
+from bench.power import detectable_difference, pooled
 from reports.multiple import compact_letters, holm
 from reports.results import Results
 from reports.seed_statistics import aggregate
@@ -93,8 +93,8 @@ def letters_of(pairs: pd.DataFrame, rates: Mapping[str, float]) -> dict[str, str
 def smallest_shown(pairs: pd.DataFrame) -> float:
     """Returns the smallest difference [points] that the seeds could have shown of an average pair.
 
-    That is the ``detectable`` of a pair with the root mean square of all deviations. NaN if seeds
-    say nothing of how they differ.
+    That is the ``detectable`` of a pair with the deviation of all, see `bench.power.pooled`. NaN if
+    seeds say nothing of how they differ.
 
     Args:
         pairs: as `pairs_of` returns them.
@@ -102,7 +102,7 @@ def smallest_shown(pairs: pd.DataFrame) -> float:
     known = pairs.dropna(subset="deviation")
     if known.empty:
         return nan
-    return _detectable(float(np.sqrt(np.mean(known.deviation**2))), int(known.seeds.min()))
+    return _detectable(pooled(known.deviation), int(known.seeds.min()))
 
 
 def _detectable(deviation: float, seeds: int) -> float:
