@@ -7,11 +7,11 @@ from pathlib import Path
 import pandas as pd
 
 from bench.labels import plain
-from reports.protocol import DEMOS_OF, KERNELS, OF_EXPERT
+from reports.more_seeds import episodes_of, more_seeds
+from reports.protocol import DEMOS_OF, KERNELS, OF_EXPERT, SEEDS
 from reports.remarks import Remark
 from reports.style import TASKS, display, ordered
 from tasks.errors import InputError
-from tasks.masses import NOMINAL
 from tasks.pins import OFF, ON, SWITCH, UNPINNED
 
 MARK = "*"
@@ -44,6 +44,8 @@ class MixedProtocols:
     """Folder of the results."""
     shipped: tuple[str, ...] = ()
     """Methods with shipped rows."""
+    run_notes: tuple[str, ...] = ()
+    """Notes of the results, see `bench.source.Source.notes`."""
 
     @property
     def tasks(self) -> list[str]:
@@ -130,10 +132,15 @@ class MixedProtocols:
         }
 
     def _command(self, rows: pd.DataFrame) -> str:
-        """Returns the command that runs the folder's methods under the shipped protocol.
+        """Returns the command that adds seeds, if rows lack nothing else.
 
-        It includes shipped methods whose demonstrations cannot be made on this machine.
+        Otherwise it runs the folder's methods under the shipped protocol, including shipped
+        methods whose demonstrations cannot be made on this machine.
         """
+        if set(self.table.setting) == {SEEDS}:
+            here = rows[rows.task.isin(self.tasks)]
+            if command := more_seeds(here, self.folder, self.shipped, self.run_notes):
+                return command
         foreign = self.table[(self.table.setting == DEMOS_OF) & (self.table.value != OF_EXPERT)]
         methods = [
             method
@@ -141,16 +148,9 @@ class MixedProtocols:
             if method not in self.shipped or method in set(foreign.method)
         ]
         found = rows[rows.method.isin(methods) & ~rows.method.isin(self.shipped)]
-        experiments = {
-            "sizes": found.split == "validation",
-            "success": (found.split == "test") & (found.physics == NOMINAL),
-            "ood": found.split == "ood",
-            "robustness": found.physics != NOMINAL,
-        }
-        chosen = [name for name, wanted in experiments.items() if wanted.any()]
         names = dict.fromkeys(map(plain, methods))
         return (
-            f"{self._switch()}bench run paper --experiments {','.join(chosen)}"
+            f"{self._switch()}bench run paper --experiments {','.join(episodes_of(found))}"
             f" --tasks {','.join(self.tasks)} --methods {','.join(names)} --out {self.folder}-paper"
         )
 

@@ -145,7 +145,7 @@ class Results:
         if found.empty:
             return
         shipped = self.source.methods if isinstance(self.source, WithShippedMethods) else ()
-        protocols = MixedProtocols(found, self.folder, shipped)
+        protocols = MixedProtocols(found, self.folder, shipped, tuple(self.source.notes()))
         if not mixed:
             raise protocols.error(rows)
         self.mixed = protocols

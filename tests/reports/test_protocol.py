@@ -27,7 +27,8 @@ def rows(preset, demos_key="key", **values):
     for cell in cells_of(study, dict.fromkeys(study.tasks, demos_key)):
         if cell.controller:
             CONTROLLERS[cell.controller.key] = asdict(cell.controller)
-        found.append(asdict(cell.fit) | asdict(cell.evaluation))
+        one = asdict(cell.fit) | asdict(cell.evaluation)
+        found.append(one | {"episodes": cell.episodes})
     frame = pd.DataFrame(found)
     # Presets learn from the expert's demonstrations.
     return frame.assign(demos_key=frame.demos_key.where(frame.method != "expert", "key"))
@@ -37,10 +38,10 @@ def differing(*parts):
     return differences(pd.concat(parts, ignore_index=True), CONTROLLERS.__getitem__)
 
 
-def refusal(*parts, shipped=()):
+def refusal(*parts, shipped=(), notes=()):
     together = pd.concat(parts, ignore_index=True)
     found = differences(together, CONTROLLERS.__getitem__)
-    return str(MixedProtocols(found, Path("results/mine"), shipped).error(together))
+    return str(MixedProtocols(found, Path("results/mine"), shipped, notes).error(together))
 
 
 def test_shipped_results_can_be_compared():
@@ -217,6 +218,47 @@ def test_seeds_must_be_equal_or_have_two_in_common(seeds, others, refused):
     )
     assert set(found.setting) == ({"seeds"} if refused else set())
     assert set(found.method) == ({"kodex", "nn", "ndp"} if refused else set())
+
+
+@pytest.mark.parametrize(
+    ("preset", "values", "command"),
+    [
+        ("smoke", {}, "smoke --seeds 2 --tasks door --methods nn,expert --out results/mine"),
+        ("quick", {}, "quick --seeds 2 --tasks door --methods nn,expert --out results/mine"),
+        (
+            "paper",
+            {"episodes": {"success": 50, "ood": 50}},
+            "paper --experiments success,ood --episodes 50 --seeds 2 --tasks door"
+            " --methods nn,expert --out results/mine",
+        ),
+        (
+            "quick",
+            {"settings": {("nn", "learning_rate"): 1e-2}},
+            "quick --seeds 2 --tasks door --methods nn,expert --out results/mine,"
+            " with --set as before",
+        ),
+    ],
+)
+def test_error_says_how_the_folder_gets_the_seeds_that_it_lacks(preset, values, command):
+    note, other = get_preset(preset).note, {k: v for k, v in values.items() if k != "settings"}
+    message = refusal(
+        rows(preset, methods=("kodex",), seeds=(1, 2), expert=False, **other),
+        rows(preset, methods=("nn",), seeds=(1,), **other | values),
+        notes=(note,),
+    )
+    assert message.endswith(f"get comparable rows: bench run {command}")
+
+
+@pytest.mark.parametrize(("seed", "seeds"), [(1, "2"), (3, "1,3")])
+def test_seeds_to_add_are_those_of_the_shipped_methods(seed, seeds):
+    episodes = {"success": 1000}
+    mine = rows("paper", methods=("kodex",), seeds=(seed,), episodes=episodes, expert=False)
+    shipped = rows("paper", methods=("nn",), episodes=episodes)
+    message = refusal(mine, shipped, shipped=("nn", "expert"))
+    assert message.endswith(
+        f"bench run paper --experiments success --seeds {seeds} --tasks door --methods kodex"
+        " --out results/mine"
+    )
 
 
 def test_error_shows_the_differences_on_each_task():
