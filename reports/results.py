@@ -286,13 +286,31 @@ class Results:
         controllers `COMPARED`. Unless it is named, no method `beyond` the paper is among them.
         """
         wanted = PLAIN | {"variant": "described"} | values
-        frame = self.frame
-        keep = np.logical_and.reduce([frame[name] == value for name, value in wanted.items()])
+        keep = [self._where(name, value) for name, value in wanted.items()]
         if "controller" not in values:
-            keep &= frame.controller.isin(COMPARED)
+            keep.append(self._compared)
         if "method" not in values:
-            keep &= ~frame.method.isin(self.beyond)
-        return frame[keep]
+            keep.append(self._not_beyond)
+        return self.frame[np.logical_and.reduce(keep)]
+
+    def _where(self, name: str, value: object) -> BoolArray:
+        """Returns which rows of the frame have a value in a column, found once."""
+        if (name, value) not in self._found:
+            self._found[name, value] = (self.frame[name] == value).to_numpy(bool)
+        return self._found[name, value]
+
+    @cached_property
+    def _found(self) -> dict[tuple[str, object], BoolArray]:
+        """Cache of `_where`, by its arguments."""
+        return {}
+
+    @cached_property
+    def _compared(self) -> BoolArray:
+        return self.frame.controller.isin(COMPARED).to_numpy(bool)
+
+    @cached_property
+    def _not_beyond(self) -> BoolArray:
+        return ~self.frame.method.isin(self.beyond).to_numpy(bool)
 
     @cached_property
     def beyond(self) -> frozenset[str]:
@@ -317,13 +335,14 @@ class Results:
         found = self.select(**values)
         if found.empty:
             return found
-        best = []
-        for (task, method), part in found.groupby(["task", "method"]):
-            size = self._best_size(str(task), str(method), list(part["size"].unique()))
-            best.append(pd.Series(size, index=part.index))
-        return found[found["size"] == pd.concat(best).reindex(found.index)]
+        places = list(zip(found.task, found.method, strict=True))
+        sizes: dict[tuple[str, str], list[str]] = {}
+        for place, size in zip(places, found["size"], strict=True):
+            sizes.setdefault(place, []).append(size)
+        best = {place: self._best_size(*place, set(several)) for place, several in sizes.items()}
+        return found[found["size"].to_numpy() == [best[place] for place in places]]
 
-    def _best_size(self, task: str, method: str, sizes: Sequence[str]) -> str:
+    def _best_size(self, task: str, method: str, sizes: set[str]) -> str:
         """Returns which of these sizes has the most success from validation starts."""
         place = task, method, *sorted(sizes)
         if place not in self._best_sizes:
