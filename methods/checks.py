@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from functools import partial, wraps
 from time import perf_counter
 
-from methods import rules
+from methods import closed_loop_rules, rules
 from methods.base import Method
 from methods.contract import ContractError
-from methods.rules import RuleBrokenError, UntriedError
+from methods.judging import RuleBrokenError, UntriedError
 from methods.subject import Subject, subjects
 from tasks.errors import described
 
@@ -33,7 +33,11 @@ VARIANT_RULES: dict[str, Callable[[Subject], None]] = {
         rules.same_seed_same_answer,
         rules.seeds_alone_or_together,
         rules.batch_invariance,
-        rules.replans_from_any_state,
+        closed_loop_rules.ended_episodes_ignored,
+        closed_loop_rules.actions_in_range,
+        closed_loop_rules.replans_from_any_state,
+        closed_loop_rules.replans_alone_or_together,
+        closed_loop_rules.replans_onward,
         rules.states_untouched,
         rules.process_untouched,
         rules.global_streams_unused,
@@ -53,7 +57,11 @@ NEEDS = {
     "batch_invariance": REPEATS,
     "seeds_alone_or_together": (*NEEDED, "same_seed_same_answer"),
     "global_streams_unused": (*NEEDED, "same_seed_same_answer"),
+    "ended_episodes_ignored": (*REPEATS, "batch_invariance"),
+    "actions_in_range": (*NEEDED, "finite"),
     "replans_from_any_state": (*NEEDED, "finite"),
+    "replans_alone_or_together": (*REPEATS, "replans_from_any_state"),
+    "replans_onward": (*REPEATS, "replans_from_any_state"),
 }
 
 

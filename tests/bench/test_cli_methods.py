@@ -150,7 +150,7 @@ def test_new_method_leaves_nothing_if_writing_fails(bench, tmp_path, monkeypatch
 def test_check_prints_the_number_and_names_of_the_rules_that_hold(bench):
     code, said, _ = bench("check", "nn")
     assert code == 0
-    assert said.startswith("nn: 17 of 17 rules hold for each of 2 variants, ")
+    assert said.startswith("nn: 21 of 21 rules hold for each of 2 variants, ")
     assert "ok     declared, unfitted_raises, fits, answers, finite, begins_at_the_start" in said
 
 
@@ -211,7 +211,7 @@ def test_check_names_the_variant_that_breaks_a_rule(bench, package):
     )
     code, said, _ = bench("check", "altered")
     assert code == 3
-    assert said.startswith("altered: 2 of 17 rules hold for each of 2 variants, ")
+    assert said.startswith("altered: 2 of 21 rules hold for each of 2 variants, ")
     assert "BROKEN fits (second): fit raised AssertionError (altered.py:" in said
     assert "not tried: 13 rules (needs fits)" in said
     rows = json.loads(bench("check", "altered", "--json")[1])

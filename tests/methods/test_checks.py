@@ -12,11 +12,11 @@ import torch
 
 from methods.base import ActionMethod, MotionMethod, NotFittedError
 from methods.checks import DECLARED, RULES, VARIANT_RULES, check, check_variant
+from methods.judging import RuleBrokenError
 from methods.kodex import Kodex
 from methods.ngf import NGF
 from methods.ngf_published import PublishedNGF
 from methods.registry import SUITE, get_method
-from methods.rules import RuleBrokenError
 from methods.subject import subjects
 from methods.toy import HORIZON, LAYOUT
 from tasks.registry import TASKS, get_task
