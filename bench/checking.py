@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from bench.admission import describe_guest
-from bench.isolation import apart, printed
+from bench.isolation import afresh, apart, printed
 from methods.base import Method
 from methods.checks import DECLARED, REPEATS, RuleResult, check
 from methods.description import stand_in
@@ -19,6 +19,10 @@ from tasks.errors import InputError
 
 ANOTHER_PROCESS = "survives_another_process"
 ASKS = "Parameters that are stored and loaded in another process give the same answers."
+DIFFERS = (
+    "it answers differently once loaded in another process: nothing may depend on hash(), id(), the"
+    " order of a set, or the process"
+)
 PRINTED = 3
 """Number of lines of a method's output that are kept."""
 
@@ -87,12 +91,12 @@ def _elsewhere(
         return replace(result, message=reason, tried=False)
     parameters, given = stored[variant]
     try:
-        again = apart(_answer, name, variant, parameters)
+        again = afresh(_answer, name, variant, parameters)
     except InputError as error:
         return replace(result, message=str(error))
     if np.array_equal(again, given, equal_nan=True):
         return replace(result, passed=True)
-    return replace(result, message="it answers differently once loaded in another process")
+    return replace(result, message=DIFFERS)
 
 
 def _reason(results: Sequence[RuleResult]) -> str:

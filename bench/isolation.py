@@ -102,9 +102,18 @@ def apart(job: Job, *arguments: Any) -> Any:
         InputError: the job fails, or takes longer than `PATIENCE`; the message is the reason. See
             also `tasks.pins.check_environment`.
     """
+    return _result(_context(), job, arguments)
+
+
+def afresh(job: Job, *arguments: Any) -> Any:
+    """Does the same in a new interpreter, which hashes texts differently. It takes seconds."""
+    return _result(multiprocessing.get_context("spawn"), job, arguments)
+
+
+def _result(context: Any, job: Job, arguments: tuple[Any, ...]) -> Any:
     check_environment()
     call = dumps((job, arguments))
-    found = read_answer(do_apart(f"{job.__name__} {arguments}", call, PATIENCE))
+    found = read_answer(_do_in(context, f"{job.__name__} {arguments}", call, PATIENCE))
     if isinstance(found, Failure):
         raise InputError(found.reason)
     return found
@@ -126,10 +135,14 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
         call: the pickled job and its arguments.
         limit: seconds after which the process is killed.
     """
-    here, there = _context().Pipe(duplex=False)
+    return _do_in(_context(), name, call, limit)
+
+
+def _do_in(context: Any, name: str, call: bytes, limit: float) -> bytes:
+    here, there = context.Pipe(duplex=False)
     folder = TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True)
     with folder as place, _adopting_orphans():
-        process = _context().Process(target=_child, args=(there, place, name, call))
+        process = context.Process(target=_child, args=(there, place, name, call))
         # Python forbids a daemon, such as a dask worker, to start processes.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
         process.start()

@@ -82,7 +82,7 @@ class Steering(ActionMethod):
 
     def act(self, state, t):
         # Row by row, so that no sum depends on the number of rows.
-        return np.einsum("bd,da->ba", state, self.parameters()["gain"])
+        return np.clip(np.einsum("bd,da->ba", state, self.parameters()["gain"]), -1, 1)
 
 
 def test_a_sound_action_method_keeps_every_rule():
