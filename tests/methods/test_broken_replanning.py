@@ -1,16 +1,21 @@
 """`methods.checks` names the rule that a broken sampler or replanning method breaks."""
 
+import re
 from dataclasses import dataclass
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from bench.checking import ANOTHER_PROCESS
 from methods.base import ActionMethod, NotFittedError
-from methods.checks import check
+from methods.checks import RULES, check
 from methods.nearest import Nearest
 from tasks.data import generator
+
+PAGE = Path(__file__).parents[2] / "docs/add_a_method.md"
 
 
 @dataclass(frozen=True)
@@ -263,3 +268,9 @@ def test_a_sampler_that_draws_from_a_global_stream_is_told_which(method, library
     assert broken["process_untouched"] == f"it changed the global random stream of {library}"
     assert CHANCE in broken["same_start_same_answer"]
     assert len(broken) == 2
+
+
+def test_the_tutorial_names_rules_that_exist():
+    named = re.findall(r"^\| .* \| `(\w+)` \|$", PAGE.read_text(), re.M)
+    assert len(named) > 10
+    assert set(named) <= {*RULES, ANOTHER_PROCESS}
