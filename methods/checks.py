@@ -60,7 +60,7 @@ NEEDS = {
     "ended_episodes_ignored": (*REPEATS, "batch_invariance"),
     "actions_in_range": (*NEEDED, "finite"),
     "replans_from_any_state": (*NEEDED, "finite"),
-    "replans_alone_or_together": (*REPEATS, "replans_from_any_state"),
+    "replans_alone_or_together": (*REPEATS, "batch_invariance", "replans_from_any_state"),
     "replans_onward": (*REPEATS, "replans_from_any_state"),
 }
 
