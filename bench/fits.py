@@ -11,7 +11,7 @@ from bench.presets import Study
 from bench.selection import Sizes, compared_sizes, used_size
 from bench.spec import EXPERT, Fit
 from bench.study_demos import demos_key_of
-from methods.base import Method, config_of
+from methods.base import Method, config_of, machine_fields
 from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
@@ -104,9 +104,10 @@ def fits_of(
         if variant not in method.variants:
             continue
         plain = _config(study, method, size, variant)
-        before = resolved(plain)
+        before, machine = resolved(plain), machine_fields(plain)
         for config in map(resolved, _with_settings(study, method, plain)):
-            changed = {field: v for field, v in config.items() if v != before.get(field)}
+            decisive = ((field, v) for field, v in config.items() if field not in machine)
+            changed = {field: v for field, v in decisive if v != before.get(field)}
             for seed in study.seeds:
                 place = (task, name, variant, size, config, study.demos, seed)
                 yield Fit(*place, demonstrations, as_text(changed))

@@ -90,7 +90,7 @@ class ResultsWriter:
             facts: times, host and versions.
         """
         contents = {WEIGHTS: weights, DIAGNOSTICS: diagnostics}
-        files = seal_learnt(FIT, fit, asdict(fit), contents, facts)
+        files = seal_learnt(FIT, fit, fit.stored, contents, facts)
         self.write_folder(cell_path(self.folder, fit), files)
 
     def add_controller(

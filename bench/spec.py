@@ -18,7 +18,7 @@ from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
 from bench.manifest import Name, Wanted
 from bench.names import ADDED, PLAIN, evaluation_name
-from methods.base import Method, fits_together
+from methods.base import Method, fits_together, machine_fields
 from methods.contract import build
 from methods.registry import get_method
 from tasks.base import SPLITS
@@ -62,8 +62,18 @@ class Fit:
     def key(self) -> str:
         """Identifies the fit. The config is part of it, and so its size and settings are not."""
         version = 0 if self.method == EXPERT else get_method(self.method, self.variant).version
-        values = {k: v for k, v in asdict(self).items() if k not in ("size", "settings")}
+        values = {k: v for k, v in self.stored.items() if k not in ("size", "settings")}
         return key("fit", version, values)
+
+    @property
+    def stored(self) -> dict[str, Any]:
+        """Its fields as results hold them: without those that say where the method computes."""
+        values = asdict(self)
+        if self.method != EXPERT:
+            sizes = get_method(self.method, self.variant).sizes
+            machine = machine_fields(next(iter(sizes.values())))
+            values["config"] = {k: v for k, v in self.config.items() if k not in machine}
+        return values
 
     @property
     def of_expert(self) -> bool:

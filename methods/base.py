@@ -31,6 +31,15 @@ def shortened(config: Any, epochs: int) -> Any:
     return config
 
 
+def machine_fields(config: Any) -> frozenset[str]:
+    """Returns the fields of a config, or of its class, that say where a method computes, not what.
+
+    They are declared with ``field(default="cpu", metadata={"of_machine": True})``. Results do not
+    depend on them, so they are part of no key.
+    """
+    return frozenset(field.name for field in fields(config) if field.metadata.get("of_machine"))
+
+
 def check_above(config: Any, bound: float, *names: str) -> None:
     """Checks that fields of a config, numbers or tuples of numbers, are above a bound.
 

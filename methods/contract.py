@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from methods.base import ActionMethod, Method, MotionMethod, NotFittedError
+from methods.base import ActionMethod, Method, MotionMethod, NotFittedError, machine_fields
 from tasks.data import Demos, FloatArray, Layout
 from tasks.errors import InputError, described
 from tasks.files import from_bytes, to_bytes
@@ -73,11 +73,13 @@ def _is_plain(value: Any) -> bool:
 def from_json(kind: type[Any], values: Mapping[str, Any]) -> Any:
     """Returns the config of a class from values that `resolved` returned.
 
+    Fields that `methods.base.machine_fields` names may be missing. They then have their defaults.
+
     Raises:
         ContractError: the values belong to a config with other fields.
     """
     expected = {field.name for field in fields(kind) if field.init}
-    if expected != set(values):
+    if expected != set(values) | machine_fields(kind):
         raise ContractError(f"a config with {sorted(expected)} cannot have {sorted(values)}")
     return kind(**{name: _tuples(value) for name, value in values.items()})
 

@@ -5,11 +5,18 @@ method, and a stand-in with the same sizes and variants takes its place.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass, make_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, make_dataclass
 from types import NoneType, UnionType
 from typing import Any, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from methods.base import ActionMethod, Method, MotionMethod, config_of, fits_together
+from methods.base import (
+    ActionMethod,
+    Method,
+    MotionMethod,
+    config_of,
+    fits_together,
+    machine_fields,
+)
 from methods.contract import ContractError, from_json, resolved
 
 _PLAIN = (bool, int, float, str, NoneType)
@@ -36,6 +43,8 @@ class Description:
     variants: Mapping[str, Mapping[str, Any]]
     hints: Mapping[str, Any]
     """For each field of the configs, its type; `object` if that is not plain data."""
+    machine: Mapping[str, Any]
+    """The defaults of the fields that say where it computes, see `methods.base.machine_fields`."""
 
 
 def describe_method(method: type[Method]) -> Description:
@@ -58,6 +67,7 @@ def describe_method(method: type[Method]) -> Description:
         for variant, changes in method.variants.items():
             _check_config(size, config, variant, changes)
             _check_epochs(resolved(config_of(method, size, variant)))
+            _check_machine(config_of(method, size, variant))
     (kind,) = kinds
     declared = get_type_hints(kind)
     return Description(
@@ -72,6 +82,7 @@ def describe_method(method: type[Method]) -> Description:
         default_size={str(task): str(size) for task, size in method.default_size.items()},
         variants={name: dict(changes) for name, changes in method.variants.items()},
         hints={f.name: _plain(declared[f.name]) for f in fields(kind) if f.init},
+        machine={f.name: f.default for f in fields(kind) if f.name in machine_fields(kind)},
     )
 
 
@@ -92,6 +103,17 @@ def _check_epochs(values: Mapping[str, Any]) -> None:
         raise ContractError(f"a field called epochs is a whole number from 1, got {epochs!r}")
 
 
+def _check_machine(config: Any) -> None:
+    """Raises ContractError unless a field of the machine has its default in all configs."""
+    for name in machine_fields(config):
+        default = {one.name: one.default for one in fields(config)}[name]
+        if getattr(config, name) != default:
+            raise ContractError(
+                f"the field {name!r} says where the method computes, so it needs a default that no"
+                f" size and no variant changes, got {getattr(config, name)!r}"
+            )
+
+
 def _plain(hint: Any) -> Any:
     if get_origin(hint) in (Union, UnionType, tuple):
         parts = [part for part in get_args(hint) if part is not Ellipsis]
@@ -101,7 +123,13 @@ def _plain(hint: Any) -> Any:
 
 def stand_in(description: Description) -> type[Method]:
     """Returns a class with everything in a description, whose methods cannot be called."""
-    declared = list(description.hints.items())
+    machine = {
+        name: field(default=default, metadata={"of_machine": True})
+        for name, default in description.machine.items()
+    }
+    declared = [
+        (name, kind, machine.get(name, field())) for name, kind in description.hints.items()
+    ]
     config = make_dataclass("Config", declared, frozen=True, kw_only=True)
     base = MotionMethod if description.motions else ActionMethod
     said = {
