@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from bench.presets import Study
     from bench.runner import Outcome
     from bench.studies import Options
+    from methods.base import Method
     from tasks.arrays import Replayed
     from tasks.data import Demos
 
-__all__ = ["demos", "demos_from_arrays", "load", "open", "run"]
+__all__ = ["demos", "demos_from_arrays", "load", "open", "run", "save_weights"]
 
 
 def run(
@@ -43,7 +44,8 @@ def run(
         scheduler: address of a dask scheduler.
         options: changes to the preset, named like the options of `bench run`:
             ``experiments``, ``tasks``, ``methods``, ``sizes``, ``variants``, ``seeds``,
-            ``episodes``, ``demos`` and ``settings`` (``--set``), see `bench.studies.Options`.
+            ``episodes``, ``demos``, ``settings`` (``--set``) and ``weights``, see
+            `bench.studies.Options`.
 
     Raises:
         InputError: the study names something that does not exist, jobs is 0, or another run
@@ -133,6 +135,23 @@ def demos_from_arrays(
     from tasks.registry import get_task
 
     return replay_arrays(get_task(task), actions, starts, states)
+
+
+def save_weights(method: Method, file: str | Path) -> None:
+    """Writes what a fitted method has learnt to a file for ``run(..., weights={"mine": file})``.
+
+    Args:
+        method: a fitted method.
+        file: the file, replaced if it exists.
+
+    Raises:
+        NotFittedError: the method has learnt nothing.
+        InputError: what it has learnt cannot be stored, or the file cannot be written.
+    """
+    from methods.saved import save
+    from tasks.files import path_of, writable_file
+
+    save(method, writable_file(path_of("file", file)))
 
 
 def _in_the_way() -> str:

@@ -22,7 +22,9 @@ def guests(methods: Iterable[str]) -> list[str]:
 
 def admissions(study: Study, methods: Sequence[str]) -> list[Callable[[], Call]]:
     """Returns for each method a call that describes it and builds every fit of it in a study."""
-    return [partial(_call, replace(study, methods=(name,), settings={})) for name in methods]
+    return [
+        partial(_call, replace(study, methods=(name,), settings={}, weights={})) for name in methods
+    ]
 
 
 def introductions(methods: Sequence[str]) -> list[Callable[[], Call]]:

@@ -18,9 +18,10 @@ from bench.remarks import who_answers
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit
 from methods.base import ActionMethod, Method, MotionMethod, Parameters, fits_together
-from methods.contract import ContractError, Learnt, learn, loaded, motion
+from methods.contract import ContractError, Learnt, learn, loaded, motion, stored
 from methods.guard import guarded
 from methods.registry import get_method
+from methods.toy import answer
 from tasks.data import Demos, Episodes, FloatArray, Starts, join_episodes
 from tasks.disturbed import disturbed
 from tasks.experts import load_expert
@@ -91,6 +92,26 @@ def fit_methods(
         seconds = (time.process_time() - began) / len(fits)
         found = zip(learnt, map(_diagnostics, learnt, validation), strict=True)
         return [_fitted(one.parameters, diagnostics, seconds) for one, diagnostics in found]
+
+
+def load_weights(fit: Fit, content: bytes, validation: Demos) -> Fitted:
+    """Returns given weights as the result of a fit, after the method has answered with them.
+
+    Args:
+        fit: the fit.
+        content: the weights.
+        validation: its validation demonstrations.
+
+    Raises:
+        ContractError: the method cannot load the weights, or answers with other dimensions than
+            those of the task and its horizon.
+    """
+    check_mark(fit.pins)
+    method, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
+    with guarded("weights", fit.label), _named([fit]):
+        learnt = stored(loaded(method, fit.config, layout, content), fit.config, layout)
+        answer(learnt.method, validation)
+        return _fitted(content, _diagnostics(learnt, validation), 0.0)
 
 
 def _diagnostics(learnt: Learnt, validation: Demos) -> Parameters:

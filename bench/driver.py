@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -57,6 +57,9 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
         if study.methods or study.expert:
             agenda = make_agenda(study, keys, runner.results)
             runner.check(agenda.cells)
+            runner.load(
+                agenda.cells, {one.digest: one.parameters for one in study.weights.values()}
+            )
             runner.copy_trained(agenda.cells)
             runner.want(agenda.known, study.note)
             for choice in agenda.choices:
@@ -74,13 +77,23 @@ def _say_pins() -> None:
         )
 
 
-def run_cells(cells: Sequence[Cell], folder: Path, where: Workers) -> Outcome:
-    """Computes and stores cells like `run`, but trains their controllers again."""
+def run_cells(
+    cells: Sequence[Cell], folder: Path, where: Workers, weights: Mapping[str, bytes]
+) -> Outcome:
+    """Computes and stores cells like `run`, but trains their controllers again.
+
+    Args:
+        cells: the cells.
+        folder: see `run`.
+        where: see `run`.
+        weights: by digest, the weights of methods that are not trained.
+    """
     methods = dict.fromkeys(cell.fit.method for cell in cells if cell.fit.method != EXPERT)
     with _running(folder, where, f"{count_of(len(cells), 'evaluation')} again") as runner:
         names = guests(methods)
         for name, failure in runner.meet(names, introductions(names)).items():
             raise InputError(f"method {name!r} cannot be used: {failure.reason}")
+        runner.load(cells, weights)
         runner.want(cells, cached=False)
         runner.work()
         return runner.outcome()

@@ -11,6 +11,7 @@ from bench.selection import Sizes
 from bench.settings import check_names, check_settings
 from bench.spec import EXPERT, VALIDATION, Cell
 from bench.study_demos import DemosKeys
+from bench.study_weights import check_weights
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.disturbances import names_of
@@ -185,7 +186,8 @@ def cells_of(study: Study, demos_keys: DemosKeys, chosen: Sizes | None = None) -
 
     Raises:
         InputError: the study names an experiment, size, variant or field that does not exist, a
-            value that a method refuses, or variants without the experiment that compares them.
+            value that a method refuses, or variants without the experiment that compares them; or
+            a file of weights is not of the fit that it takes the place of.
     """
     for name in study.episodes:
         if name not in EXPERIMENTS:
@@ -193,11 +195,11 @@ def cells_of(study: Study, demos_keys: DemosKeys, chosen: Sizes | None = None) -
     try:
         check_names(study)
         check_settings(study)
-        found = _once(
-            cell
-            for name in study.episodes
-            for cell in EXPERIMENTS[name](replace(study, demos_keys=demos_keys), chosen or {})
-        )
+        found: list[Cell] = []
+        for name in study.episodes:
+            found += EXPERIMENTS[name](replace(study, demos_keys=demos_keys), chosen or {})
+            check_weights(study, name, found)
+        found = _once(found)
         _check_configs(found)
     except InputError:
         raise

@@ -98,7 +98,8 @@ def fits_of(
     study: Study, task: str, name: str, size: str, variants: Sequence[str] = ("described",)
 ) -> Iterator[Fit]:
     """Yields one fit for each variant that the method has, and each seed."""
-    demonstrations = demos_key_of(study, task)
+    demonstrations, saved = demos_key_of(study, task), study.weights.get((name, task))
+    weights = saved.digest if saved else ""
     for variant in variants:
         method = get_method(name, variant)
         if variant not in method.variants:
@@ -110,7 +111,7 @@ def fits_of(
             changed = {field: v for field, v in decisive if v != before.get(field)}
             for seed in study.seeds:
                 place = (task, name, variant, size, config, study.demos, seed)
-                yield Fit(*place, demonstrations, as_text(changed))
+                yield Fit(*place, demonstrations, as_text(changed), weights=weights)
 
 
 def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:

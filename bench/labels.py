@@ -2,6 +2,7 @@
 
 If results hold fits of a method with several values of ``--set``, or on several sets of
 demonstrations, each has a label of its own: ``mine``, ``mine:hidden=64``, ``mine:demos=3f2a91c0``.
+A method that was not trained always says so: ``mine:weights_from_file``.
 """
 
 from __future__ import annotations
@@ -21,8 +22,11 @@ EXPERT = "expert"
 VALIDATION = "validation"
 """Name of the split with the starts of the validation demonstrations."""
 SEPARATOR = ":"
+FROM_FILE = "weights_from_file"
+"""Part of the label of a method that was not trained."""
 LONGEST = 80
-DEMOS_DIGITS = 8
+DIGITS = 8
+"""Digits of a key or digest in a label."""
 
 
 def as_text(settings: Mapping[str, Any]) -> str:
@@ -44,6 +48,7 @@ def labelled(frame: pd.DataFrame) -> pd.DataFrame:
 
     The label adds the changes of `--set` if the rows of a method differ in them. It adds the key of
     the demonstrations if the rows of a method on a task differ in it and they are not the expert's.
+    It adds `FROM_FILE` to methods with given weights, with digits if several are given on a task.
     """
     learnt = frame[frame.method != EXPERT]
     if learnt.empty:
@@ -53,9 +58,17 @@ def labelled(frame: pd.DataFrame) -> pd.DataFrame:
     others = learnt.groupby(["task", "method"]).demos_key.transform("nunique") > 1
     others &= learnt.demos_key != learnt.task.map(own)
     changed = learnt.settings.where(several, "")
-    demos = ("demos=" + learnt.demos_key.str[:DEMOS_DIGITS]).where(others, "")
-    suffix = changed.where((changed == "") | (demos == ""), changed + "+") + demos
-    label = learnt.method.where(suffix == "", learnt.method + SEPARATOR + suffix)
+    demos = ("demos=" + learnt.demos_key.str[:DIGITS]).where(others, "")
+    given = learnt.weights.where(learnt.weights != "")
+    many = given.groupby([learnt.task, learnt.method]).transform("nunique") > 1
+    digits = ("=" + learnt.weights.str[:DIGITS]).where(many, "")
+    weights = (FROM_FILE + digits).where(given.notna(), "")
+    suffixes = [
+        "+".join(filter(None, parts)) for parts in zip(changed, weights, demos, strict=True)
+    ]
+    label = learnt.method.where(
+        [not suffix for suffix in suffixes], learnt.method + SEPARATOR + suffixes
+    )
     return frame.assign(method=label.reindex(frame.index).fillna(frame.method))
 
 

@@ -102,8 +102,8 @@ class Packed:
         import pandas as pd
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        # Results of version 0.1 lack these.
-        lacking = {"held_out": 0, "pins": UNPINNED, "action_seconds": np.nan}
+        # Earlier results lack these.
+        lacking = {"held_out": 0, "weights": "", "pins": UNPINNED, "action_seconds": np.nan}
         lacking |= {name: PLAIN[name] for name in ADDED}
         added = {name: value for name, value in lacking.items() if name not in frame}
         return frame.assign(config=frame.config.map(json.loads), **added)

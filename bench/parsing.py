@@ -4,9 +4,11 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
+from pathlib import Path
 from typing import Any
 
 from tasks.errors import InputError, unknown_name
+from tasks.files import path_of
 
 LARGEST = 999_999_999
 """Largest whole number that an option accepts."""
@@ -123,6 +125,30 @@ def _place(place: str, text: str) -> tuple[str, str]:
     if not (method and field):
         raise InputError(f"--set takes METHOD.FIELD=VALUE, such as nn.epochs=50, got {text!r}")
     return method, field
+
+
+def weights(given: Mapping[str, Any] | Sequence[str]) -> list[tuple[str, str, Path]]:
+    """Parses files of weights; returns method, task (empty if none is named) and file of each.
+
+    Args:
+        given: files by ``METHOD`` or ``METHOD@TASK``, or texts ``METHOD=FILE``.
+
+    Raises:
+        InputError: an entry has another form.
+    """
+    pairs = given.items() if isinstance(given, Mapping) else [_pair(text) for text in given]
+    found = []
+    for place, file in pairs:
+        method, _, task = (part.strip() for part in place.partition("@"))
+        found.append((method, task, path_of("a file of --weights", file)))
+    return found
+
+
+def _pair(text: str) -> tuple[str, str]:
+    place, _, file = text.partition("=")
+    if not (place.strip() and file):
+        raise InputError(f"--weights takes METHOD=FILE or METHOD@TASK=FILE, got {text!r}")
+    return place, file
 
 
 def scalar(text: str) -> Any:

@@ -128,10 +128,11 @@ def _priced(study: Study, folder: Path, jobs: int) -> Plan:
 
 
 def queue_of(agenda: Agenda, results: Results, workers: int) -> JobQueue:
-    """Returns the jobs of a run. A controller that is trained already needs no job."""
+    """Returns the jobs of a run. Trained controllers and given weights need no job."""
     missing = find_missing(results, [cell.wanted for cell in agenda.cells])
     controllers = {spec.key: spec for cell in agenda.cells for spec in cell.controllers}
     ready = {key for key in missing.controllers if trained(controllers[key])}
+    ready |= {cell.fit.key for cell in agenda.cells if cell.fit.weights}
     missing, threads = missing.without(ready), simulator_threads(workers)
     queue = JobQueue(jobs_of(agenda.known, missing, threads))
     for choice in agenda.choices:

@@ -6,6 +6,7 @@ from typing import Any
 
 from bench.controller import ControllerConfig
 from methods.registry import PAPER, SUITE, TO_BEAT
+from methods.saved import Saved
 from tasks.errors import unknown_name
 from tasks.registry import TASKS
 
@@ -34,6 +35,8 @@ class Study:
     """The share of its epochs that a method trains for, if its config has such a field."""
     settings: Mapping[tuple[str, str], Any] = field(default_factory=dict)
     """By method and field of its config, values that replace the config's own."""
+    weights: Mapping[tuple[str, str], Saved] = field(default_factory=dict)
+    """By method and task, weights that are evaluated; the method is then not trained."""
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     note: str = ""
     """A note for readers of the tables."""

@@ -306,6 +306,7 @@ class Results:
         labels, count = self._evaluation(wanted)
         times = self.times(folder.name) or Times([])
         return {
+            "weights": "",
             **self._required(folder, FIT)["spec"],
             **{name: labels[name] for name in (*CONDITIONS, "controller_key")},
             "replan": int(labels["replan"]),

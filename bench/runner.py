@@ -6,10 +6,12 @@ and writes results.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from bench.agenda import Choice, choose
 from bench.backend import IN_THIS_PROCESS, Answer, Call, Listed, Workers, answers
+from bench.computing import load_weights
 from bench.cores import simulator_threads
 from bench.interrupts import Interrupts
 from bench.isolation import Failure
@@ -22,10 +24,12 @@ from bench.presets import Study
 from bench.progress import Progress
 from bench.provenance import provenance
 from bench.results_writer import ResultsWriter
-from bench.spec import EXPERT, Cell
+from bench.spec import EXPERT, Cell, Fit
 from bench.trained import trained
+from bench.training_data import validation_demos
 from methods.base import Method
 from methods.description import stand_in
+from tasks.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,30 @@ class Runner:
         """See `bench.other_controllers` and `bench.other_kernels`."""
         check_kernels(self.results)
         check_controllers(self.results, cells)
+
+    def load(self, cells: Iterable[Cell], weights: Mapping[str, bytes]) -> None:
+        """Stores fits whose weights are given. Workers try them first.
+
+        Args:
+            cells: the cells.
+            weights: the weights by their digest.
+
+        Raises:
+            InputError: a method cannot use its weights.
+        """
+        given = {cell.fit.key: cell.fit for cell in cells if cell.fit.weights}
+        fits = [fit for fit in given.values() if not self.results.has_fit(fit)]
+        calls = [partial(_loading, fit, weights[fit.weights]) for fit in fits]
+        found = [
+            (fits[int(index)], answer.result)
+            for index, answer in answers(Listed(calls), self._where, self._interrupts)
+        ]
+        self._interrupts.check()
+        for fit, made in found:
+            if isinstance(made, Failure):
+                raise InputError(f"the weights of {fit.label} cannot be used: {made.reason}")
+        for fit, made in found:
+            self._writer.add_fit(fit, made.parameters, made.diagnostics, made.facts)
 
     def copy_trained(self, cells: Iterable[Cell]) -> None:
         """Copies controllers that need no training into the results folder."""
@@ -206,3 +234,7 @@ class Runner:
         """Returns the outcome."""
         failed = tuple(f"{label}: {reason}" for label, reason in self._failed.items())
         return Outcome(self.results.folder, self._done, len(self._cells), failed)
+
+
+def _loading(fit: Fit, weights: bytes) -> Call:
+    return f"load {fit.label}", load_weights, (fit, weights, validation_demos(fit))

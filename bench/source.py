@@ -20,7 +20,7 @@ NUMBERS = ("demos", "held_out", "seed")
 """Fields of a fit that are numbers."""
 _FIT = (
     *("task", "method", "variant", "size", "config", "demos", "held_out", "seed"),
-    *("demos_key", "settings", "pins"),
+    *("demos_key", "settings", "weights", "pins"),
 )
 _SUMS = ("episodes", "successes", "diverged", "fit_seconds", "action_seconds", "folder")
 COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)

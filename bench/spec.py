@@ -13,7 +13,7 @@ import mujoco
 
 from bench.controller import ControllerConfig
 from bench.controller_kinds import KINDS, ORIGINAL
-from bench.labels import DEMOS_DIGITS
+from bench.labels import DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
 from bench.manifest import Name, Wanted
@@ -55,6 +55,8 @@ class Fit:
     held_out: int = 0
     """How many training demonstrations after the first N validate, in place of the validation
     demonstrations. Default: none do."""
+    weights: str = ""
+    """SHA-256 of the weights of a file, which take the place of training. Default: none do."""
     pins: str = field(default_factory=mark)
     """Whether the kernels that compute it are pinned, see `tasks.pins`."""
 
@@ -67,8 +69,13 @@ class Fit:
 
     @property
     def stored(self) -> dict[str, Any]:
-        """Its fields as results hold them: without those that say where the method computes."""
+        """Its fields as results hold them: without those that say where the method computes.
+
+        Nor do they hold ``weights`` if none are given.
+        """
         values = asdict(self)
+        if not self.weights:
+            del values["weights"]
         if self.method != EXPERT:
             sizes = get_method(self.method, self.variant).sizes
             machine = machine_fields(next(iter(sizes.values())))
@@ -88,8 +95,9 @@ class Fit:
         """
         if self.method == EXPERT:
             return f"{self.task}-{self.method}-s{self.seed}"
-        origin = "" if self.of_expert else self.demos_key[:DEMOS_DIGITS]
-        parts = [self.task, self.method, self.settings, self.variant, self.size]
+        origin = "" if self.of_expert else self.demos_key[:DIGITS]
+        weights = f"weights={self.weights[:DIGITS]}" if self.weights else ""
+        parts = [self.task, self.method, self.settings, weights, self.variant, self.size]
         held_out = f"+{self.held_out}" if self.held_out else ""
         parts += [f"n{self.demos}{held_out}", origin, f"s{self.seed}"]
         return "-".join(part for part in parts if part)

@@ -99,6 +99,7 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
         & frame[[*PLAIN]].eq(list(PLAIN.values())).all(axis=1)
         & (frame.variant == "described")
         & (frame.settings == "")
+        & (frame.weights == "")
         & (frame.held_out == 0)
         & frame.controller.isin([ORIGINAL, NO_CONTROLLER])
     ]

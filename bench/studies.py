@@ -36,6 +36,9 @@ class Options(TypedDict, total=False):
     """Files of demonstrations, one for each task of the study."""
     settings: Mapping[str, Any] | Sequence[str] | None
     """Fields of methods' configs: ``{"nn.epochs": 50}`` or ``["nn.epochs=50"]``."""
+    weights: Mapping[str, str | Path] | Sequence[str] | None
+    """Files of `bench.save_weights`, whose methods are not trained: ``{"nn": "nn.safetensors"}``,
+    or with several tasks ``{"nn@door": "door.safetensors", ...}``."""
 
 
 def study_of(study: str | Study, **options: Unpack[Options]) -> Study:
@@ -127,6 +130,12 @@ def _settings(study: Study, settings: Mapping[str, Any] | Sequence[str]) -> Stud
     return replace(study, settings=parsing.settings(settings))
 
 
+def _weights(study: Study, files: Mapping[str, str | Path] | Sequence[str]) -> Study:
+    from bench.study_weights import evaluating
+
+    return evaluating(study, parsing.weights(files))
+
+
 def _text(values: str | Sequence[Any]) -> str:
     """Values as text of a command line. The last comma makes a single number a list of seeds."""
     return values if isinstance(values, str) else "".join(f"{value}," for value in values)
@@ -142,5 +151,7 @@ _CHANGES: Mapping[str, Callable[[Study, Any], Study]] = {
     "seeds": _seeds,
     "demos": _demos,
     "settings": _settings,
+    "weights": _weights,
 }
-"""By option, how it changes a study. ``demos`` follows ``tasks``, which its files must match."""
+"""By option, how it changes a study. ``demos`` and ``weights`` follow the tasks and methods that
+their files must match."""

@@ -21,6 +21,14 @@ Settings = Annotated[
         " set several fields.",
     ),
 ]
+Weights = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--weights",
+        help="METHOD=FILE evaluates the weights in a file of `bench.save_weights` instead of"
+        " training the method. With several tasks: METHOD@TASK=FILE, one for each.",
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,7 @@ class StudyOptions:
         ),
     ] = None
     settings: Settings = None
+    weights: Weights = None
 
 
 def takes_study(command: Callable[..., None]) -> Callable[..., None]:

@@ -49,6 +49,7 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         shown = frame[
             (frame.split != VALIDATION)
             & (frame.method != EXPERT)
+            & (frame.weights == "")
             & frame.variant.isin(["described", *LIFTING_VARIANTS])
         ]
         group = [

@@ -85,10 +85,21 @@ def verify(source: Source, count: int, episodes: int, draw: int, where: Workers)
     chosen = [rows[index] for index in sorted(order)]
     cells = [stored_cell(source, row, episodes) for row in chosen]
     with TemporaryDirectory() as place:
-        outcome = run_cells(cells, Path(place), where)
+        outcome = run_cells(cells, Path(place), where, _given_weights(source, cells))
         if outcome.failed:
             raise InputError("; ".join(outcome.failed))
         return _compare(source, Results(Path(place)), chosen, cells)
+
+
+def _given_weights(source: Source, cells: Sequence[Cell]) -> dict[str, bytes]:
+    """The weights of methods that were not trained, by digest."""
+    fits = [cell.fit for cell in cells if cell.fit.weights]
+    if fits and not isinstance(source, Results):
+        raise InputError(
+            f"{fits[0].label} has weights from a file, which packed results do not hold: verify the"
+            " results folder of `bench run`"
+        )
+    return {fit.weights: source.parameters(fit) for fit in fits if isinstance(source, Results)}
 
 
 def _compare(

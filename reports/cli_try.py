@@ -12,7 +12,7 @@ from bench.cli_run import run_study
 from bench.doing import since_start
 from bench.options import SOME_FAILED, AsJson, number
 from bench.studies import study_of
-from bench.study_options import Settings
+from bench.study_options import Settings, Weights
 from tasks.registry import TASKS
 from tasks.words import count_of
 
@@ -30,6 +30,7 @@ def try_method(
         int, number(1, "Number of episodes, one from each of the first test starts.")
     ] = 200,
     settings: Settings = None,
+    weights: Weights = None,
     out: Annotated[
         Path, typer.Option(help="Results folder. Rerun the same command to resume.")
     ] = Path("results/try"),
@@ -56,6 +57,7 @@ def try_method(
         seeds=(seed,),
         episodes=episodes,
         settings=settings,
+        weights=weights,
     )
     if run_study(study, out, Workers(1)).failed:
         raise typer.Exit(SOME_FAILED)
@@ -81,6 +83,7 @@ def _as_json(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> 
         "task": fit.task,
         "size": fit.size,
         "demos": fit.demos,
+        "weights": fit.weights,
         "seed": fit.seed,
         **trial.rate,
         "failures": trial.failures,
@@ -93,10 +96,9 @@ def _as_json(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> 
 def _heading(trial: "Trial") -> str:
     fit = trial.cell.fit
     name = fit.method if fit.size == "single" else f"{fit.method} {fit.size}"
+    learnt = "weights from a file" if fit.weights else count_of(fit.demos, "demo")
     starts = f"first {count_of(len(trial.success), 'start')} of test"
-    return " · ".join(
-        [f"{name} on {fit.task}", count_of(fit.demos, "demo"), f"seed {fit.seed}", starts]
-    )
+    return " · ".join([f"{name} on {fit.task}", learnt, f"seed {fit.seed}", starts])
 
 
 def _table(trial: "Trial", others: "pd.DataFrame") -> str:
@@ -105,7 +107,8 @@ def _table(trial: "Trial", others: "pd.DataFrame") -> str:
     from reports.style import display
 
     name = trial.cell.fit.method
-    table = pd.DataFrame({"": [name], "success [%]": [_rate(trial.rate)]})
+    row = f"{name}, weights from a file" if trial.cell.fit.weights else name
+    table = pd.DataFrame({"": [row], "success [%]": [_rate(trial.rate)]})
     if others.empty:
         return _indented(table)
     rows = others.to_dict("records")
@@ -141,9 +144,10 @@ def _remark(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> s
     few = f", on the first {count_of(fewest, 'start')}" if fewest < len(trial.success) else ""
     from reports.seed_statistics import ONE_SEED
 
-    alike = "demos, controller and starts" if trial.cell.controller else "demos and starts"
+    alike = ["demos"] * (not trial.cell.fit.weights) + ["controller"] * bool(trial.cell.controller)
+    same = " and ".join(filter(None, [", ".join(alike), "starts"]))
     remark = (
-        f"The others are shipped results: same {alike}{few}. Brackets: 95% intervals of {ONE_SEED}."
+        f"The others are shipped results: same {same}{few}. Brackets: 95% intervals of {ONE_SEED}."
     )
     if trial.cell.controller:
         return remark
