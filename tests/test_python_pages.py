@@ -1,4 +1,4 @@
-"""Runs the pages on Python and on own demonstrations from top to bottom."""
+"""Runs the pages on Python and on own demonstrations, and a section on methods."""
 
 import re
 import shlex
@@ -17,15 +17,16 @@ BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n\n)?```(python|sh)\n(.*?)```", re.
 
 @pytest.fixture
 def run_page(bench, smoke, tmp_path, monkeypatch):
-    """Runs the blocks of a page in one folder and returns their common name space."""
+    """Runs the blocks of a page, or of a section, in one folder; returns their name space."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BENCH_JOBS", "1")
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setattr("bench.recording.apart", lambda job, *arguments: job(*arguments))
 
-    def run(name):
-        names = {}
-        for file, language, code in BLOCK.findall((DOCS / name).read_text()):
+    def run(name, section=""):
+        names, text = {}, (DOCS / name).read_text()
+        text = text.split(f"\n## {section}\n")[1].split("\n## ")[0] if section else text
+        for file, language, code in BLOCK.findall(text):
             if file:
                 Path(file).write_text(code)
             elif language == "python":
@@ -61,3 +62,12 @@ def test_the_page_on_own_demonstrations_runs_up_to_a_table_row(task, run_page):
     assert set(frame.method) == {"kodex"}
     assert "the demonstrations of nearest.safetensors" in Results(Path("results/mine")).notes()[0]
     assert "kodex" in Path("results/mine/report/tables/success.csv").read_text()
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_the_section_on_a_policy_trained_elsewhere_runs_up_to_a_table_row(task, paper, run_page):
+    run_page("add_a_method.md", "A policy trained elsewhere")
+    assert set(Results(Path("results/given")).frame().method) == {"nn", "kodex"}
+    rows = Path("results/given/report/tables/success.md").read_text()
+    assert "| NN weights from file |" in rows
+    assert "| KODex " in rows

@@ -53,9 +53,16 @@ def by_rows(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     axes = drawing.subplots()
     for method in methods:
         part = table[table.row == method]
-        look = {"color": colour(method, methods), "label": exhibit.display(method)}
-        places = [conditions.index(name) for name in part.column]
-        axes.plot(part.value, places, marker(method, methods), ms=6, mec="white", mew=0.5, **look)
+        axes.plot(
+            part.value,
+            part.column.map(conditions.index),
+            marker(method, methods),
+            ms=6,
+            mec="white",
+            mew=0.5,
+            color=colour(method, methods),
+            label=exhibit.display(method),
+        )
     axes.set_yticks(range(len(conditions)), [exhibit.display(name) for name in conditions])
     axes.set(xlabel=exhibit.axis, xlim=(-2, 102), ylim=(len(conditions) - 0.5, -0.5))
     add_legend(drawing, exhibit)
