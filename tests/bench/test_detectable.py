@@ -34,6 +34,7 @@ def row(task, method, seed, successes, **changes):
         "seed": seed,
         "demos_key": "key",
         "settings": "",
+        "weights": "",
         "split": "test",
         "controller": "original",
         **PLAIN,
@@ -115,6 +116,7 @@ def test_the_smallest_difference_and_the_seeds_it_takes_are_those_of_statsmodels
         {"controller": "unclipped"},
         {"settings": "cutoff=2"},
         {"held_out": 40},
+        {"weights": "3f2a91c0"},
         {"size": "large"},
     ],
 )
