@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from tasks.data import key
 from tasks.disturbances import UNDISTURBED
 from tasks.masses import NOMINAL
 from tasks.registry import APPENDIX
@@ -44,6 +45,16 @@ class Named(Protocol):
     @property
     def key(self) -> str:
         """A SHA-256, 64 hexadecimal digits."""
+
+
+def fit_key(version: int, fields: Mapping[str, Any]) -> str:
+    """Returns the key of a fit. The config is part of it, and so its size and settings are not.
+
+    Args:
+        version: of the method; 0 for the expert.
+        fields: those of `bench.spec.Fit`.
+    """
+    return key("fit", version, {k: v for k, v in fields.items() if k not in ("size", "settings")})
 
 
 def folder_name(label: str, key: str) -> str:

@@ -14,19 +14,18 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from safetensors.numpy import load_file, save
 
 from bench.combined import CombinedResults
 from bench.names import ADDED, CONDITIONS, PLAIN
 from bench.other_kernels import check_alike
 from bench.results import Results
-from bench.source import Source
+from bench.source import Source, numbered_outcomes, outcomes_by_row
+from bench.submission import Submission
 from tasks.errors import InputError
 from tasks.pins import UNPINNED
 
@@ -41,9 +40,15 @@ SHOWN = ("eigenvalues", "imitation_error", "singular_values", "rank")
 """The diagnostics that exhibits show."""
 
 
-def open_results(folder: Path) -> Source:
-    """Returns the results of a folder of `bench run` or `bench pack`."""
-    return Packed(folder) if is_packed(folder) else Results(folder)
+def open_results(place: Path) -> Source:
+    """Returns the results of a folder of `bench run` or `bench pack`, or a file of `bench submit`.
+
+    Raises:
+        InputError: a file is none of `bench submit`, or damaged.
+    """
+    if place.is_file():
+        return Submission(place)
+    return Packed(place) if is_packed(place) else Results(place)
 
 
 def shipped() -> Path:
@@ -127,10 +132,7 @@ class Packed:
         import pandas as pd
 
         table = pd.read_parquet(self.folder / "episodes.parquet")
-        ends = np.searchsorted(table.evaluation, np.arange(1, len(self._places)))
-        table = table.drop(columns="evaluation").astype({"start": np.int64})
-        bounds = [0, *ends, len(table)]
-        return [table.iloc[a:b] for a, b in pairwise(bounds)]
+        return outcomes_by_row(table, len(self._places))
 
 
 def pack(folders: Sequence[Path], out: Path) -> None:
@@ -144,8 +146,6 @@ def pack(folders: Sequence[Path], out: Path) -> None:
         InputError: a folder holds no results, or results that differ from another folder's, or
             kernels that are marked differently.
     """
-    import pandas as pd
-
     sources = [open_results(folder) for folder in folders]
     frames = [source.frame() for source in sources]
     check_alike((place, found.pins) for place, found in zip(folders, frames, strict=True))
@@ -153,10 +153,7 @@ def pack(folders: Sequence[Path], out: Path) -> None:
     frame = results.frame()
     if frame.empty:
         raise InputError(f"{', '.join(map(str, folders))}: no evaluations to pack")
-    parts = [results.outcomes(row) for row in frame.to_dict("records")]
-    rows = np.repeat(np.arange(len(frame), dtype=np.int32), [len(part) for part in parts])
-    episodes = pd.concat(parts, ignore_index=True).astype({"start": np.int32})
-    episodes.insert(0, "evaluation", rows)
+    episodes = numbered_outcomes(results, frame)
     fits = frame.folder.unique()
     arrays = {
         f"{fit}/{name}": values

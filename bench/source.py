@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -18,12 +19,12 @@ if TYPE_CHECKING:  # reading results needs neither the methods nor MuJoCo
 
 NUMBERS = ("demos", "held_out", "seed")
 """Fields of a fit that are numbers."""
-_FIT = (
+FIT_FIELDS = (
     *("task", "method", "variant", "size", "config", "demos", "held_out", "seed"),
     *("demos_key", "settings", "weights", "pins"),
 )
 _SUMS = ("episodes", "successes", "diverged", "fit_seconds", "action_seconds", "folder")
-COLUMNS = (*_FIT, *CONDITIONS, "controller_key", *_SUMS)
+COLUMNS = (*FIT_FIELDS, *CONDITIONS, "controller_key", *_SUMS)
 """The columns of `Source.frame`."""
 OUTCOMES = ("start", "success", "diverged", "steps")
 """The columns of `Source.outcomes`."""
@@ -79,6 +80,27 @@ class Source(Protocol):
         Raises:
             InputError: it is not there, or damaged.
         """
+
+
+def numbered_outcomes(source: Source, rows: pd.DataFrame) -> pd.DataFrame:
+    """Returns the outcomes of rows of `Source.frame` in one table.
+
+    Columns: ``evaluation``, the number of the row, and `OUTCOMES`.
+    """
+    import pandas as pd
+
+    parts = [source.outcomes(row) for row in rows.to_dict("records")]
+    numbers = np.repeat(np.arange(len(rows), dtype=np.int32), [len(part) for part in parts])
+    table = pd.concat(parts, ignore_index=True)[[*OUTCOMES]].astype({"start": np.int32})
+    table.insert(0, "evaluation", numbers)
+    return table
+
+
+def outcomes_by_row(table: pd.DataFrame, rows: int) -> list[pd.DataFrame]:
+    """Returns the outcomes of each of so many rows, from a table of `numbered_outcomes`."""
+    ends = np.searchsorted(table.evaluation, np.arange(1, rows))
+    table = table.drop(columns="evaluation").astype({"start": np.int64})
+    return [table.iloc[a:b] for a, b in pairwise([0, *ends, len(table)])]
 
 
 def episodes_table(source: Source) -> pd.DataFrame:

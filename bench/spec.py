@@ -17,7 +17,7 @@ from bench.labels import DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
 from bench.manifest import Name, Wanted
-from bench.names import ADDED, PLAIN, evaluation_name
+from bench.names import ADDED, PLAIN, evaluation_name, fit_key
 from methods.base import Method, fits_together, machine_fields
 from methods.contract import build
 from methods.registry import get_method
@@ -62,10 +62,9 @@ class Fit:
 
     @cached_property
     def key(self) -> str:
-        """Identifies the fit. The config is part of it, and so its size and settings are not."""
+        """Identifies the fit, see `bench.names.fit_key`."""
         version = 0 if self.method == EXPERT else get_method(self.method, self.variant).version
-        values = {k: v for k, v in self.stored.items() if k not in ("size", "settings")}
-        return key("fit", version, values)
+        return fit_key(version, self.stored)
 
     @property
     def stored(self) -> dict[str, Any]:

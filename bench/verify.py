@@ -21,6 +21,7 @@ from bench.results import Results
 from bench.same_bits import episodes_differ, first_difference
 from bench.source import OUTCOMES, Source
 from bench.spec import EXPERT, Cell, ControllerSpec, Evaluation, Fit
+from bench.submission import Submission
 from tasks.data import generator
 from tasks.demos import adopted_path
 from tasks.errors import InputError
@@ -127,7 +128,10 @@ def _difference(source: Source, again: Results, row: Mapping[str, Any], cell: Ce
     new = again.episodes(cell.wanted)
     if new is None or not same_bits(source.facts(row["folder"]), software()):
         return ""
-    return episodes_differ(source.outcomes(row), new)
+    found = episodes_differ(source.outcomes(row), new)
+    if found or not isinstance(source, Submission) or len(new) < row["episodes"]:
+        return found
+    return source.difference(row, again)
 
 
 def stored_cell(source: Source, row: Mapping[str, Any], episodes: int) -> Cell:

@@ -67,6 +67,7 @@ def report(
     """
     from bench.source import episodes_table
     from reports.answer import FIXED
+    from reports.submitted_rows import SUBMITTED, Submitted, submitted_rows
     from reports.write import write_report
 
     source = _one_of(folder, reference)
@@ -77,7 +78,8 @@ def report(
     if not reference:  # tests check the shipped results, and this would import torch
         results.check_protocol(results.frame, mixed)
     with doing("writing the report"):
-        made = write_report(results, place, source / "videos")
+        submitted = submitted_rows(results, SUBMITTED) if reference else Submitted()
+        made = write_report(results, place, source / "videos", submitted)
     if export is not None:
         with whole_file(export) as file:
             episodes_table(results.source).to_parquet(file, index=False)
@@ -175,12 +177,21 @@ def _print_notes(results: "Results", aside: bool = False) -> None:
 
 
 def verify(
-    folder: Stored = None,
+    folder: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Folder of `bench run` or `bench pack`, or file of `bench submit`. Give this or"
+            " --reference."
+        ),
+    ] = None,
     reference: Reference = False,
     cells: Annotated[
         int, number(1, "Number of stored evaluations to repeat, chosen at random.")
     ] = 3,
-    episodes: Annotated[int, number(1, "Episodes to repeat of each evaluation, at most.")] = 500,
+    episodes: Annotated[
+        int | None,
+        number(1, "Episodes to repeat of each evaluation, at most. Default: 500; of a file, all."),
+    ] = None,
     draw: Annotated[
         int, number(0, "Seed of the random choice; another seed chooses other evaluations.")
     ] = 0,
@@ -191,16 +202,24 @@ def verify(
 
     Exit code 3 if one differs too much: its success can be told from the stored one start
     by start, or any bit differs although kernels were pinned and versions are the same.
+    A file of `bench submit` must be comparable with the shipped results, and its package
+    installed with the same source.
     """
     from bench.backend import Workers
     from bench.cores import count_jobs
     from bench.packed import open_results
+    from bench.parsing import LARGEST
+    from bench.submission import Submission
     from bench.verify import APART, DIFFERENT
     from bench.verify import verify as verify_results
+    from reports.submitting import check_submitted
 
-    source, where = open_results(_one_of(folder, reference)), Workers(count_jobs(jobs))
+    where = Workers(count_jobs(jobs))
+    file = folder if folder and folder.is_file() and not reference else None
     with doing("reading results"):
-        found = verify_results(source, cells, episodes, draw, where)
+        source = check_submitted(file) if file else open_results(_one_of(folder, reference))
+        most = episodes or (LARGEST if file else 500)
+        found = verify_results(source, cells, most, draw, where)
     if as_json:
         print(json.dumps([asdict(one) | {"verdict": one.verdict} for one in found]))
     else:
@@ -210,6 +229,8 @@ def verify(
                 f" {one.again} again, {count_of(one.differ, 'differing episode')}"
                 f"{one.difference and f'; {one.difference}'}"
             )
+        if isinstance(source, Submission):
+            print(f"sha256 of {folder}: {source.digest}")
     if any(one.verdict in (APART, DIFFERENT) for one in found):
         raise typer.Exit(SOME_FAILED)
 

@@ -86,20 +86,24 @@ class MixedProtocols:
 
     def error(self, rows: pd.DataFrame) -> InputError:
         """Returns the error that shows what differs on each task, and what to run instead."""
+        return InputError(
+            f"{self.text}\n"
+            "to show them nevertheless, give --mixed\n"
+            f"get comparable rows: {self.command(rows)}"
+        )
+
+    @property
+    def text(self) -> str:
+        """What differs on each task, as tables."""
         tasks_by_text: dict[tuple[str, str], list[str]] = {}
         for task in self.tasks:
             groups = self._named_groups(task)
             names = ["the shipped results" if name == SHIPPED else name for name in groups]
             text = " and ".join(names), _as_table(groups)
             tasks_by_text.setdefault(text, []).append(task)
-        shown = "\n".join(
+        return "\n".join(
             f"{names} cannot be compared on {', '.join(tasks)}\n{table}"
             for (names, table), tasks in tasks_by_text.items()
-        )
-        return InputError(
-            f"{shown}\n"
-            "to show them nevertheless, give --mixed\n"
-            f"get comparable rows: {self._command(rows)}"
         )
 
     def _groups(self, task: str) -> list[Group]:
@@ -131,7 +135,7 @@ class MixedProtocols:
             ", ".join(group.methods) + f" ({SHIPPED})" * group.shipped: group for group in groups
         }
 
-    def _command(self, rows: pd.DataFrame) -> str:
+    def command(self, rows: pd.DataFrame) -> str:
         """Returns the command that adds seeds, if rows lack nothing else.
 
         Otherwise it runs the folder's methods under the shipped protocol, including shipped

@@ -1,7 +1,7 @@
 """The opening of the page: what was run, the success of each seed, and starts that fail."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor
 from typing import Any
@@ -16,10 +16,12 @@ from reports.pairing import keep_common, without_expert
 from reports.results import Results
 from reports.seed_statistics import ONE_SEED
 from reports.style import METHODS, TASKS, display, ordered
+from reports.submitted_rows import SubmittedRow
 from tasks.data import FloatArray
 
 STEP = 10
 """Points of success. The strips of a task begin and end at multiples of it."""
+Shares = dict[tuple[str, str], FloatArray]
 
 
 def study_facts(results: Results) -> dict[str, str]:
@@ -56,44 +58,90 @@ class Strip:
     """Whether the interval speaks of a single fit."""
 
 
-def strips(results: Results, exhibit: Exhibit, table: pd.DataFrame) -> dict[str, Any]:
+def strips(
+    results: Results,
+    exhibit: Exhibit,
+    table: pd.DataFrame,
+    submitted: Sequence[SubmittedRow] = (),
+) -> dict[str, Any]:
     """Returns the table of success with a dot for each seed.
 
     Args:
         results: of a run.
         exhibit: success on test starts.
         table: its table.
+        submitted: rows to show below it.
 
     Returns:
         ``columns``: the ``name`` of each task and the ``ends`` of its lines [%]. ``rows``: the
         ``name`` of each method, its ``cells``, a `Strip` or None, and whether it is the user's
-        ``own``. ``footnotes``: what a reader must know of them.
+        ``own``. ``submitted``: likewise, with the ``mark`` of each. ``footnotes``: what a reader
+        must know of them.
     """
-    shares = _shares(results)
-    ends = {}
-    for task, part in table.groupby("column", sort=False):
-        known = np.concatenate([shares[row, task] for row in part.row])
-        low = STEP * floor(min(known.min(), part.low.min()) / STEP)
-        high = STEP * ceil(max(known.max(), part.high.max()) / STEP)
-        ends[task] = low, max(high, low + STEP)
-    cells = {
-        (one["row"], one["column"]): _strip(
-            exhibit, one, shares[one["row"], one["column"]], *ends[one["column"]]
-        )
-        for one in table.to_dict("records")
-    }
+    shares = _shares(results, keep_common(results.main(split="test")))
+    theirs = [_shares(one.results, one.evaluations) for one in submitted]
+    parts = [
+        (table, shares),
+        *((one.table, its) for one, its in zip(submitted, theirs, strict=True)),
+    ]
+    ends = {task: _ends(parts, task) for task in table["column"].unique()}
     return {
         "columns": [{"name": display(str(task)), "ends": ends[task]} for task in ends],
         "rows": [
             {
                 "name": exhibit.display(row),
                 "own": exhibit.is_own(row),
-                "cells": [cells.get((row, task)) for task in ends],
+                "cells": _cells(exhibit, table[table.row == row], shares, ends),
             }
             for row in table.row.drop_duplicates()
         ],
-        "footnotes": exhibit.footnotes(table),
+        "submitted": [
+            {
+                "name": exhibit.display(one.name),
+                "mark": one.mark,
+                "cells": _cells(exhibit, one.table, its, ends),
+            }
+            for one, its in zip(submitted, theirs, strict=True)
+        ],
+        "footnotes": [*exhibit.footnotes(table), *_about(submitted)],
     }
+
+
+def _ends(parts: Sequence[tuple[pd.DataFrame, Shares]], task: str) -> tuple[int, int]:
+    """Returns the ends of a task's lines, of all tables with the success of their seeds."""
+    known = [
+        value
+        for table, shares in parts
+        for one in table[table["column"] == task].itertuples()
+        for value in (one.low, one.high, *shares[one.row, task])
+    ]
+    low, high = STEP * floor(min(known) / STEP), STEP * ceil(max(known) / STEP)
+    return low, max(high, low + STEP)
+
+
+def _cells(
+    exhibit: Exhibit, row: pd.DataFrame, shares: Shares, ends: Mapping[str, tuple[int, int]]
+) -> list[Strip | None]:
+    """Returns the strip of each task, None where the row has no value."""
+    found = {one["column"]: one for one in row.to_dict("records")}
+    return [
+        _strip(exhibit, found[task], shares[found[task]["row"], task], *ends[task])
+        if task in found
+        else None
+        for task in ends
+    ]
+
+
+def _about(submitted: Sequence[SubmittedRow]) -> list[str]:
+    """Returns what a reader must know of submitted rows."""
+    if not submitted:
+        return []
+    below = (
+        "Below the rule: methods of other packages, run and submitted by their authors on the same"
+        " demonstrations, controllers and starts, without letters. Of verified rows, a maintainer"
+        " repeated a random sample bit by bit."
+    )
+    return [below, *(one.note for one in submitted)]
 
 
 def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str, Any]]:
@@ -134,9 +182,8 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
     return rows
 
 
-def _shares(results: Results) -> dict[tuple[str, str], FloatArray]:
-    """Returns the success of each seed [%] (R,) by method and task, as in the table of success."""
-    found = keep_common(results.main(split="test"))
+def _shares(results: Results, found: pd.DataFrame) -> Shares:
+    """Returns the success of each seed [%] (R,) by method and task, of rows on test starts."""
     return {
         (method, task): 100 * results.paired(mine, ["method"])[method,].mean(axis=1)
         for (method, task), mine in found.groupby(["method", "task"])

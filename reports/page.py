@@ -17,6 +17,7 @@ from reports.exhibit import PARTS, Exhibit
 from reports.opening import first_failures, strips, study_facts
 from reports.results import Results
 from reports.style import INK, ON_DARK, display
+from reports.submitted_rows import SubmittedRow
 
 TEMPLATES = Path(__file__).with_name("templates")
 NONCE = "kodex-bench"
@@ -42,6 +43,7 @@ def render(
     films: Path | None = None,
     failed: Mapping[str, str] | None = None,
     answer: Sequence[str] = (),
+    submitted: Sequence[SubmittedRow] = (),
 ) -> str:
     """Returns the page.
 
@@ -54,6 +56,7 @@ def render(
         films: folder of the MP4 files of `bench video`.
         failed: reasons for missing exhibits and claims, by title.
         answer: as `reports.answer.answer` returns it.
+        submitted: rows below those of the results.
     """
     shown = [exhibit for exhibit in exhibits if exhibit.name in tables]
     failed = failed or {}
@@ -72,7 +75,7 @@ def render(
         answer=answer,
         fixed=FIXED,
         how=HOW,
-        success=first and strips(results, first, tables[SUCCESS]),
+        success=first and strips(results, first, tables[SUCCESS], submitted),
         claims=[_claim(claim) for claim in claims.to_dict("records")],
         similar=f"{SIMILAR:g}",
         counts=", ".join(f"{count} {verdict}" for verdict, count in _counts(claims).items()),

@@ -14,6 +14,7 @@ from reports.exhibits import EXHIBITS
 from reports.page import render
 from reports.results import Results
 from reports.style import style
+from reports.submitted_rows import Submitted
 from reports.verdicts import FAILED, verdicts
 from tasks.errors import described
 
@@ -36,7 +37,9 @@ class Report:
     page: Path
 
 
-def write_report(results: Results, folder: Path, films: Path | None = None) -> Report:
+def write_report(
+    results: Results, folder: Path, films: Path | None = None, submitted: Submitted | None = None
+) -> Report:
     """Writes every exhibit that has results, the claims and the page.
 
     An exhibit that raises an error is left out; stderr and the page give the reason.
@@ -45,6 +48,7 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
         results: of a run.
         folder: gets ``index.html``, ``tables/`` and ``figures/``.
         films: folder of `bench video`, whose films the page shows.
+        submitted: rows that the page shows below those of the results.
 
     Raises:
         InputError: there are no results.
@@ -71,8 +75,11 @@ def write_report(results: Results, folder: Path, films: Path | None = None) -> R
         sentences = [*to_beat(results), *answer(results)]
     except Exception as error:
         sentences, failed["the answer"] = [], described(error)
+    submitted = submitted or Submitted()
+    failed |= {f"submitted row {name}": reason for name, reason in submitted.refused.items()}
     figures, page = folder / "figures", folder / "index.html"
-    page.write_text(render(results, tables, exhibits, claims, figures, films, failed, sentences))
+    shown = (films, failed, sentences, submitted.rows)
+    page.write_text(render(results, tables, exhibits, claims, figures, *shown))
     for title, reason in failed.items():
         print(f"bench: left out: {title}: {reason}", file=sys.stderr)
     return Report(written, failed, sentences, page)

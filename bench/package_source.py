@@ -1,0 +1,80 @@
+"""The source of a method's package, as the SHA-256 of each file. Nothing of it is imported."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from importlib.util import find_spec
+from pathlib import Path
+
+from methods.registry import ENTRY_POINTS, package_methods, unknown_method
+from tasks.errors import InputError, described
+from tasks.packages import entry_points_of, owners
+
+_COMPILED = "__pycache__"
+
+
+@dataclass(frozen=True)
+class PackageSource:
+    """An installed package that provides a method."""
+
+    name: str
+    version: str
+    files: Mapping[str, str]
+    """The SHA-256 of each file of its modules, by path."""
+
+    def difference(self, other: "PackageSource") -> str:
+        """Returns the first file in which another source of the package differs, or nothing."""
+        for path in sorted({*self.files, *other.files}):
+            if self.files.get(path) != other.files.get(path):
+                return path
+        return ""
+
+
+def package_source(method: str) -> PackageSource:
+    """Returns the source of the package that provides a method.
+
+    Its modules are that of the entry point and those that the package names as its own. Hidden and
+    compiled files do not count.
+
+    Raises:
+        InputError: no installed package provides the method, or its files cannot be read.
+    """
+    if method not in package_methods():
+        raise unknown_method(method)
+    (point,) = (one for one in entry_points_of(ENTRY_POINTS) if one.name == method)
+    try:
+        modules = _modules(point)
+        files = {name: _digest(path) for module in modules for name, path in _files(module)}
+    except (ImportError, OSError, ValueError) as error:
+        raise InputError(
+            f"the source of {owners([point])} cannot be read: {described(error)}"
+        ) from error
+    return PackageSource(owners([point]), point.dist.version if point.dist else "", files)
+
+
+def _modules(point: EntryPoint) -> list[str]:
+    """Returns the top-level modules of an entry point's package."""
+    named = (point.dist and point.dist.read_text("top_level.txt")) or ""
+    return sorted({point.module.partition(".")[0], *named.split()})
+
+
+def _files(module: str) -> Iterator[tuple[str, Path]]:
+    """Yields the files of a top-level module, each with its path from the module's folder."""
+    spec = find_spec(module)
+    if spec is None:
+        raise ImportError(f"there is no module {module}")
+    folders = list(spec.submodule_search_locations or ())
+    if not folders:
+        path = Path(spec.origin or "")
+        yield path.name, path
+    for folder in map(Path, folders):
+        for path in sorted(folder.rglob("*")):
+            parts = path.relative_to(folder).parts
+            hidden = any(part.startswith(".") or part == _COMPILED for part in parts)
+            if path.is_file() and not hidden:
+                yield "/".join((module, *parts)), path
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

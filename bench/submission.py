@@ -1,0 +1,222 @@
+"""A submitted row: the results of a method from a package, in one sealed file.
+
+The file is a table of `bench.sealed_files`: `bench.source.numbered_outcomes` of its evaluations. A
+label of it is a JSON object::
+
+    method, version          name and version of the method
+    package                  see `bench.package_source.PackageSource`
+    missing                  tasks that it leaves out
+    evaluations              rows of `bench.source.Source.frame`, each with the SHA-256 of what was
+                             learnt (weights) and of what the success rule read (readings)
+    fits                     times, host and versions of each fit by its folder
+    controllers              fields of each controller by its key
+
+Reading it needs neither the package nor any method.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from bench.labels import SEPARATOR
+from bench.manifest import Name
+from bench.names import CONDITIONS, KEY_DIGITS, fit_key
+from bench.package_source import PackageSource
+from bench.results import Results
+from bench.sealed_files import DamagedError, check, read_labels, read_table, reading, seal_table
+from bench.source import COLUMNS, FIT_FIELDS, numbered_outcomes, outcomes_by_row
+from tasks.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from methods.base import Parameters
+
+LABEL = "submitted row"
+LEARNT, READ = "weights", "readings"
+"""Digests of an evaluation."""
+_TABLE = pa.schema(
+    [
+        ("evaluation", pa.int32()),
+        ("start", pa.int32()),
+        ("success", pa.bool_()),
+        ("diverged", pa.bool_()),
+        ("steps", pa.int16()),
+    ]
+)
+_NUMBERS = ("demos", "held_out", "seed", "replan", "episodes", "successes", "diverged")
+_UNKNOWN = "fit_seconds"
+"""The column that a file lacks: times of different machines do not compare."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The method of a row, and what it leaves out."""
+
+    method: str
+    version: int
+    package: PackageSource
+    missing: tuple[str, ...] = ()
+
+
+class Submission:
+    """A file of `bench submit`, for reading; a `bench.source.Source`."""
+
+    def __init__(self, path: Path) -> None:
+        """Reads a file.
+
+        Raises:
+            InputError: it is none of `bench submit`, or damaged.
+        """
+        self.path = path
+        try:
+            self._read()
+        except DamagedError as error:
+            raise InputError(f"{error}: name a file of `bench submit`") from error
+
+    def _read(self) -> None:
+        path = self.path
+        with reading(path):
+            self.digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            """SHA-256 of the file."""
+            table, (labels, _) = read_table(path), read_labels(path)
+            record = json.loads(labels[LABEL])
+            check(table.schema.remove_metadata() == _TABLE, path, "its table")
+            package = PackageSource(**record["package"])
+            self.origin = Origin(
+                record["method"], record["version"], package, tuple(record["missing"])
+            )
+            self._rows: list[dict[str, Any]] = record["evaluations"]
+            for row in self._rows:
+                _check_row(path, row)
+                check(row["method"] == self.origin.method, path, "its method")
+                check(row["folder"] in record["fits"], path, "its fits")
+            self._fits, self._controllers = record["fits"], record["controllers"]
+            check(len(self._places) == len(self._rows), path, "its evaluations")
+            check(not any(column.null_count for column in table.columns), path, "its episodes")
+            numbers = table["evaluation"].to_numpy()
+            check(list(np.unique(numbers)) == list(range(len(self._rows))), path, "its episodes")
+            check(bool((np.diff(numbers) >= 0).all()), path, "the order of its episodes")
+            self._episodes = outcomes_by_row(table.to_pandas(), len(self._rows))
+
+    @property
+    def label(self) -> str:
+        """The name of the row: its method, with the changes of `--set`."""
+        settings = dict.fromkeys(row["settings"] for row in self._rows)
+        return SEPARATOR.join([self.origin.method, *filter(None, settings)])
+
+    # As a source
+    def frame(self) -> pd.DataFrame:
+        """See `bench.source.Source.frame`."""
+        import pandas as pd
+
+        return pd.DataFrame(self._rows).assign(**{_UNKNOWN: np.nan})[[*COLUMNS]]
+
+    def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
+        """See `bench.source.Source.outcomes`."""
+        return self._episodes[self._places[_place(row)]].reset_index(drop=True)
+
+    def readings(self, row: Mapping[str, Any]) -> None:
+        """Returns None: the file holds only their digests."""
+
+    def diagnostics(self, folder: str) -> Parameters:
+        """Returns nothing: the file holds no diagnostics."""
+        return {}
+
+    def facts(self, folder: str) -> dict[str, Any]:
+        """See `bench.source.Source.facts`."""
+        return dict(self._fits[folder])
+
+    def notes(self) -> list[str]:
+        """Returns nothing: what a reader must know stands beside the row."""
+        return []
+
+    def controller_spec(self, key: str) -> dict[str, Any]:
+        """See `bench.source.Source.controller_spec`."""
+        if key not in self._controllers:
+            raise InputError(f"{self.path} lacks the controller {key}")
+        return dict(self._controllers[key])
+
+    # Checks
+    def check_keys(self) -> None:
+        """Checks that each evaluation has the key of its fields, and the counts of its episodes.
+
+        Raises:
+            InputError: one has not.
+        """
+        for row, found in zip(self._rows, self._episodes, strict=True):
+            place = f"{self.path.name}: {row['task']}, seed {row['seed']}, {row['split']}"
+            fields = {name: row[name] for name in FIT_FIELDS}
+            key = fit_key(self.origin.version, fields)[:KEY_DIGITS]
+            if row["folder"].rpartition("-")[2] != key:
+                raise InputError(f"{place}: the fit has not the key of its fields ({key})")
+            counts = len(found), int(found.success.sum()), int(found.diverged.sum())
+            if counts != (row["episodes"], row["successes"], row["diverged"]):
+                raise InputError(f"{place}: the counts are not those of its episodes")
+            if list(found.start) != list(range(len(found))):
+                raise InputError(f"{place}: the starts are not the first {len(found)} of the split")
+
+    def difference(self, row: Mapping[str, Any], again: Results) -> str:
+        """Returns in which bits an evaluation differs from its repetition, or nothing.
+
+        Args:
+            row: of `frame`.
+            again: results that hold the same evaluation with as many episodes.
+        """
+        stored, repeated = self._rows[self._places[_place(row)]], digests(again, row)
+        different = [name for name in (LEARNT, READ) if stored[name] != repeated[name]]
+        return f"other {' and '.join(different)}" if different else ""
+
+    @cached_property
+    def _places(self) -> dict[tuple[Any, ...], int]:
+        return {_place(row): number for number, row in enumerate(self._rows)}
+
+
+def seal_submission(origin: Origin, results: Results, rows: pd.DataFrame) -> bytes:
+    """Returns the content of a file that `Submission` reads.
+
+    Args:
+        origin: of the row.
+        results: that hold it.
+        rows: the rows of their frame that it consists of.
+    """
+    columns = [name for name in COLUMNS if name != _UNKNOWN]
+    evaluations = [row | digests(results, row) for row in rows[columns].to_dict("records")]
+    keys = [key for key in rows.controller_key.unique() if key]
+    record = asdict(origin) | {
+        "evaluations": evaluations,
+        "fits": {fit: results.facts(fit) for fit in rows.folder.unique()},
+        "controllers": {key: results.controller_spec(key) for key in keys},
+    }
+    table = pa.Table.from_pandas(numbered_outcomes(results, rows), _TABLE, preserve_index=False)
+    return seal_table(table, {LABEL: json.dumps(record, sort_keys=True)})
+
+
+def digests(results: Results, row: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the SHA-256 of what the fit of a row learnt, and of its readings."""
+    label, _, key = row["folder"].rpartition("-")
+    contents = results.parameters(Name(label, key)), results.readings(row).tobytes()
+    found = (hashlib.sha256(content).hexdigest() for content in contents)
+    return dict(zip((LEARNT, READ), found, strict=True))
+
+
+def _check_row(path: Path, row: Mapping[str, Any]) -> None:
+    """Raises DamagedError unless an evaluation has the fields and types of one."""
+    check({*row} == {*COLUMNS, LEARNT, READ} - {_UNKNOWN}, path, "an evaluation")
+    texts = {*row} - {*_NUMBERS, "config"}
+    check(all(type(row[name]) is int for name in _NUMBERS), path, "a number")
+    check(all(type(row[name]) is str for name in texts), path, "a text")
+    check(isinstance(row["config"], dict) and "/" not in row["folder"], path, "an evaluation")
+
+
+def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(row[name] for name in ("folder", *CONDITIONS))

@@ -1,0 +1,127 @@
+"""Whether a submitted row can stand beside the shipped results, judged by keys and digests.
+
+It needs what every shipped method has: the test starts and those out of distribution of each task
+and seed, learnt from the same demonstrations, with the same controllers and kernels. Nothing of the
+method is needed, so a report can judge rows whose package is not installed.
+"""
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
+from bench.labels import VALIDATION
+from bench.names import KEY_DIGITS, PLAIN
+from bench.submission import Submission
+from methods.names import check_method_name
+from methods.registry import SUITE
+from reports.pairing import keep_common, without_expert
+from reports.results import SPLITS, Results
+from tasks.errors import InputError
+from tasks.words import count_of
+
+PLACE = ["task", "split", "seed"]
+
+
+def required(reference: Results) -> pd.DataFrame:
+    """Returns the shipped evaluations that a row is compared with, cut to common seeds and starts.
+
+    Args:
+        reference: the shipped results.
+    """
+    rows = [keep_common(without_expert(reference.of_all(split=split))) for split in SPLITS]
+    return pd.concat(rows, ignore_index=True)
+
+
+def main_rows(results: Results, label: str) -> pd.DataFrame:
+    """Returns the rows of a method that are compared: at the size that validation starts choose."""
+    rows = [results.main(method=label, split=split) for split in SPLITS]
+    return pd.concat(rows, ignore_index=True)
+
+
+def lacking(rows: pd.DataFrame, needed: pd.DataFrame) -> pd.DataFrame:
+    """Returns which `required` rows have no counterpart, or one of fewer starts, in `main_rows`.
+
+    Columns ``task``, ``split``, ``seed`` and ``episodes``, the number of starts needed.
+    """
+    places = needed.drop_duplicates(PLACE)[[*PLACE, "episodes"]]
+    both = places.merge(rows[[*PLACE, "episodes"]], "left", on=PLACE, suffixes=("", " found"))
+    return both[~(both["episodes found"] >= both.episodes)][[*PLACE, "episodes"]]
+
+
+def named(places: pd.DataFrame) -> str:
+    """Returns the rows of `lacking` as text."""
+    texts = [
+        f"{count_of(int(count), 'start')} of {split} on {task}"
+        f" (seed{'s' * (len(part) > 1)} {', '.join(map(str, sorted(part.seed)))})"
+        for (task, split, count), part in places.groupby(["task", "split", "episodes"], sort=False)
+    ]
+    return "; ".join(texts)
+
+
+def check_comparable(row: Results, reference: Results) -> None:
+    """Checks that a submitted row is whole, consistent and comparable with the shipped results.
+
+    Args:
+        row: the opened file.
+        reference: the shipped results.
+
+    Raises:
+        InputError: it is not; the message names every difference.
+    """
+    assert isinstance(row.source, Submission)
+    submission, needed = row.source, required(reference)
+    submission.check_keys()
+    check_method_name(submission.origin.method, SUITE)
+    found = dict.fromkeys(_differences(row, reference, needed))
+    if row.frame.settings.nunique() > 1:
+        found["it has several values of --set"] = None
+    missing = submission.origin.missing
+    left = lacking(main_rows(row, submission.origin.method), needed[~needed.task.isin(missing)])
+    if len(left):
+        found[f"it lacks {named(left)}"] = None
+    if set(missing) >= set(needed.task):
+        found["it leaves out every task"] = None
+    if found:
+        raise InputError(
+            f"{row.folder.name} cannot stand beside the shipped results: {'; '.join(found)}"
+        )
+
+
+def _differences(row: Results, reference: Results, needed: pd.DataFrame) -> Iterator[str]:
+    for one in row.frame.itertuples():
+        place = f"{one.task}, seed {one.seed}"
+        shipped = needed[(needed.task == one.task) & (needed.seed == one.seed)]
+        if shipped.empty:
+            yield f"{place}: the shipped methods have no such seed"
+            continue
+        conditions = {name: getattr(one, name) for name in PLAIN} | {"variant": one.variant}
+        if conditions != PLAIN | {"variant": "described"} or one.split not in (*SPLITS, VALIDATION):
+            yield f"{place}: an evaluation under other conditions"
+        demos = set(shipped.demos + shipped.held_out)
+        if one.demos + one.held_out not in demos:
+            yield f"{place}: {one.demos + one.held_out} demonstrations, not {_listed(demos)}"
+        keys = {"kernels": ("pins",), "demonstrations": ("demos_key",)}
+        if one.controller != NO_CONTROLLER:
+            keys["controller"] = ("controller", "controller_key")
+            shipped = shipped[shipped.controller == ORIGINAL]
+            if not _same_controller(row, reference, one.controller_key):
+                yield f"{place}: the controller has not the fields of the shipped one"
+        for what, columns in keys.items():
+            for column in columns:
+                mine, theirs = getattr(one, column), set(shipped[column])
+                if theirs != {mine}:
+                    yield f"{place}: {what} {mine[:KEY_DIGITS]}, not {_listed(theirs)}"
+
+
+def _same_controller(row: Results, reference: Results, key: str) -> bool:
+    """Whether the row says the same of a controller as the shipped results, if those have it."""
+    try:
+        shipped = reference.controller_spec(key)
+    except (InputError, KeyError):
+        return True  # then the key differs
+    return row.controller_spec(key) == shipped
+
+
+def _listed(values: set[object]) -> str:
+    return " or ".join(sorted(str(value)[:KEY_DIGITS] for value in values)) or "none"
