@@ -30,8 +30,12 @@ def check_repeatable(row: Submission) -> None:
             f"{name} is a row of {package}, and another source is installed ({here.name}"
             f" {here.version}): {different} differs; install the submitted source"
         )
-    if known(origin.method).version != origin.version:
-        raise InputError(f"{name} says that {origin.method} has version {origin.version}")
+    installed = known(origin.method).version
+    if installed != origin.version:
+        raise InputError(
+            f"{name} says that {origin.method} has version {origin.version}, and {installed} is"
+            " installed"
+        )
     for folder in row.frame().folder.unique():
         facts = row.facts(folder)
         if not same_bits(facts, software()):

@@ -101,7 +101,7 @@ class Submission:
                 check(row["method"] == self.origin.method, path, "its method")
                 check(row["folder"] in record["fits"], path, "its fits")
             self._fits, self._controllers = record["fits"], record["controllers"]
-            check(len(self._places) == len(self._rows), path, "its evaluations")
+            check(len(self._places) == len(self._rows) > 0, path, "its evaluations")
             check(not any(column.null_count for column in table.columns), path, "its episodes")
             numbers = table["evaluation"].to_numpy()
             check(list(np.unique(numbers)) == list(range(len(self._rows))), path, "its episodes")

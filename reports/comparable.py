@@ -5,7 +5,8 @@ and seed, learnt from the same demonstrations, with the same controllers and ker
 method is needed, so a report can judge rows whose package is not installed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import pandas as pd
 
@@ -20,6 +21,8 @@ from reports.results import SPLITS, Results
 from tasks.errors import InputError
 from tasks.words import count_of
 
+DESCRIBED = "described"
+"""The variant that is compared."""
 PLACE = ["task", "split", "seed"]
 
 
@@ -89,33 +92,38 @@ def check_comparable(row: Results, reference: Results) -> None:
 
 
 def _differences(row: Results, reference: Results, needed: pd.DataFrame) -> Iterator[str]:
-    for one in row.frame.itertuples():
-        place = f"{one.task}, seed {one.seed}"
-        shipped = needed[(needed.task == one.task) & (needed.seed == one.seed)]
+    """Yields in what each evaluation differs from the shipped ones of its task and seed."""
+    for one in row.frame.to_dict("records"):
+        place = f"{one['task']}, seed {one['seed']}"
+        shipped = needed[(needed.task == one["task"]) & (needed.seed == one["seed"])]
         if shipped.empty:
             yield f"{place}: the shipped methods have no such seed"
             continue
-        conditions = {name: getattr(one, name) for name in PLAIN} | {"variant": one.variant}
-        if conditions != PLAIN | {"variant": "described"} or one.split not in (*SPLITS, VALIDATION):
+        plain = all(one[name] == value for name, value in PLAIN.items())
+        if not (plain and one["variant"] == DESCRIBED and one["split"] in (*SPLITS, VALIDATION)):
             yield f"{place}: an evaluation under other conditions"
-        demos = set(shipped.demos + shipped.held_out)
-        if one.demos + one.held_out not in demos:
-            yield f"{place}: {one.demos + one.held_out} demonstrations, not {_listed(demos)}"
-        keys = {"kernels": ("pins",), "demonstrations": ("demos_key",)}
-        if one.controller != NO_CONTROLLER:
-            keys["controller"] = ("controller", "controller_key")
-            shipped = shipped[shipped.controller == ORIGINAL]
-            if not _same_controller(row, reference, one.controller_key):
-                yield f"{place}: the controller has not the fields of the shipped one"
-        for what, columns in keys.items():
-            for column in columns:
-                mine, theirs = getattr(one, column), set(shipped[column])
-                if theirs != {mine}:
-                    yield f"{place}: {what} {mine[:KEY_DIGITS]}, not {_listed(theirs)}"
+        for what, mine, theirs in _settings(one, shipped):
+            if theirs != {mine}:
+                yield f"{place}: {what} {mine[:KEY_DIGITS]}, not {_listed(theirs)}"
+        if one["controller"] != NO_CONTROLLER and not _same_fields(row, reference, one):
+            yield f"{place}: the controller has not the fields of the shipped one"
 
 
-def _same_controller(row: Results, reference: Results, key: str) -> bool:
+def _settings(one: Mapping[str, Any], shipped: pd.DataFrame) -> Iterator[tuple[str, str, set[str]]]:
+    """Yields settings by name: that of an evaluation, and those of the shipped ones."""
+    demos = set((shipped.demos + shipped.held_out).astype(str))
+    yield "number of demonstrations", str(one["demos"] + one["held_out"]), demos
+    yield "kernels", one["pins"], set(shipped.pins)
+    yield "demonstrations", one["demos_key"], set(shipped.demos_key)
+    if one["controller"] != NO_CONTROLLER:
+        tracked = shipped[shipped.controller == ORIGINAL]
+        yield "controller", one["controller_key"], set(tracked.controller_key)
+        yield "kind of controller", one["controller"], {ORIGINAL}
+
+
+def _same_fields(row: Results, reference: Results, one: Mapping[str, Any]) -> bool:
     """Whether the row says the same of a controller as the shipped results, if those have it."""
+    key = one["controller_key"]
     try:
         shipped = reference.controller_spec(key)
     except (InputError, KeyError):
@@ -123,5 +131,5 @@ def _same_controller(row: Results, reference: Results, key: str) -> bool:
     return row.controller_spec(key) == shipped
 
 
-def _listed(values: set[object]) -> str:
-    return " or ".join(sorted(str(value)[:KEY_DIGITS] for value in values)) or "none"
+def _listed(values: set[str]) -> str:
+    return " or ".join(sorted(value[:KEY_DIGITS] for value in values)) or "none"

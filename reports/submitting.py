@@ -17,7 +17,7 @@ from methods.registry import SUITE
 from reports.comparable import check_comparable, lacking, main_rows, named, required
 from reports.mixed import MixedProtocols
 from reports.pairing import without_expert
-from reports.protocol import differences
+from reports.protocol import SEEDS, differences
 from reports.results import SPLITS, Results
 from tasks.errors import InputError
 from tasks.files import whole_file
@@ -40,6 +40,8 @@ def submit(folder: Path, method: str | None, missing: Sequence[str], out: Path) 
     label = _label(results, method)
     needed = required(reference)
     needed = needed[~needed.task.isin(missing)]
+    if needed.empty:
+        raise InputError("--missing leaves out every task of the shipped results")
     rows = main_rows(results, label)
     rows = rows[rows.task.isin(needed.task)]
     protocols = other_protocols(results, rows, reference) if len(rows) else None
@@ -49,10 +51,9 @@ def submit(folder: Path, method: str | None, missing: Sequence[str], out: Path) 
     name = plain(label)
     origin = Origin(name, known(name).version, package_source(name), tuple(missing))
     chosen = pd.concat([rows, results.select(method=label, split=VALIDATION)])
-    pairs = set(zip(needed.task, needed.seed, strict=True))
-    kept = [pair in pairs for pair in zip(chosen.task, chosen.seed, strict=True)]
+    chosen = chosen.merge(needed[["task", "seed"]].drop_duplicates())
     assert isinstance(results.source, StoredResults)
-    content = seal_submission(origin, results.source, chosen[kept].assign(method=name))
+    content = seal_submission(origin, results.source, chosen.assign(method=name))
     with TemporaryDirectory() as place:
         draft = Path(place) / out.name
         draft.write_bytes(content)
@@ -90,6 +91,7 @@ def other_protocols(
         return (results if in_row else reference).controller_spec(key)
 
     found = differences(pd.concat([rows, theirs]), specs)
+    found = found[found.setting != SEEDS]  # `lacking` names those that a row needs
     shipped_methods = tuple(without_expert(theirs).method.unique())
     return None if found.empty else MixedProtocols(found, results.folder, shipped_methods)
 

@@ -1,24 +1,24 @@
-"""`bench submit` and `bench verify FILE`: rows of packages beside a small reference."""
+"""A method of a package, from its run to its row: `bench submit` and `bench verify FILE`."""
 
 import importlib
-import json
+import re
+import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
+from resealed import flip_and_count, record_of, reseal, swap_seeds_and_keys
 
-from bench.names import KEY_DIGITS, fit_key
-from bench.sealed_files import seal_table
-from bench.source import FIT_FIELDS
-from bench.submission import LABEL, Submission
+from bench.controller import ControllerConfig
+from bench.presets import PRESETS
+from bench.submission import Submission
 from methods import registry
-from reports import submitted_rows
-from tasks.registry import TASKS
 
-EXAMPLE = Path(__file__).parents[2] / "docs/examples/copycat"
+DOCS = Path(__file__).parents[2] / "docs/submit.md"
+EXAMPLE = DOCS.parent / "examples/copycat"
 PIP = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
 PACKAGES = ("copycat", "knn")
 
@@ -38,12 +38,11 @@ def installed(tmp_path_factory):
 
 
 @pytest.fixture
-def site(installed, tmp_path, monkeypatch):
-    """A copy of that folder that Python imports from, until the test ends."""
-    copy = shutil.copytree(installed, tmp_path / "site")
-    monkeypatch.syspath_prepend(str(copy))
+def site(installed, monkeypatch):
+    """That folder, which Python imports from until the test ends."""
+    monkeypatch.syspath_prepend(str(installed))
     monkeypatch.setenv("BENCH_JOBS", "1")
-    yield copy
+    yield installed
     forget()
 
 
@@ -56,26 +55,15 @@ def forget():
 
 
 @pytest.fixture
-def run(site, reference, bench):
-    """Runs a method of a package like the reference, which it ships before."""
+def row(site, reference, bench):
+    """Ships a reference, runs a method of a package like it, and returns its submitted row."""
     reference()
 
-    def run_method(method, *options):
+    def submit(method):
         chosen = ("--experiments", "success", "--tasks", "door", "--methods", method)
-        seeds = () if "--seeds" in options else ("--seeds", "2")
-        code, said, error = bench("run", "paper", *chosen, *seeds, *options, "--out", method)
+        code, said, error = bench("run", "paper", *chosen, "--seeds", "2", "--out", method)
         assert code == 0, said + error
         forget()
-
-    return run_method
-
-
-@pytest.fixture
-def row(run, bench):
-    """Submits a method of a package; returns the file."""
-
-    def submit(method):
-        run(method)
         code, said, error = bench("submit", method, "--out", f"{method}.parquet")
         assert code == 0, said + error
         return Path(f"{method}.parquet")
@@ -83,11 +71,60 @@ def row(run, bench):
     return submit
 
 
-def test_a_row_of_the_example_package_is_submitted_verified_and_shown(task, row, bench):
+def test_a_row_of_the_example_package_is_submitted_and_repeated_bit_by_bit(task, row, bench):
     file = row("copycat")
     assert "copycat" not in sys.modules
+    origin = Submission(file).origin
+    assert (origin.method, origin.version, origin.package.name) == ("copycat", 1, "copycat")
+    assert list(origin.package.files) == ["copycat.py"]
     code, said, _ = bench("verify", str(file), "--cells", "9")
-    digest = Submission(file).digest
     assert code == 0
     assert said.count("identical: door-copycat-described-single-n6-s") == 2
-    assert said.endswith(f"sha256 of copycat.parquet: {digest}\n")
+    assert said.endswith(f"sha256 of copycat.parquet: {Submission(file).digest}\n")
+
+
+def test_changes_that_no_digest_shows_are_found_by_repeating(task, row, bench):
+    file = row("copycat")
+    honest = file.read_bytes()
+    for change in (flip_and_count, swap_seeds_and_keys):
+        file.write_bytes(honest)
+        reseal(file, change)
+        code, said, error = bench("verify", str(file), "--cells", "9")
+        assert code == 3, error
+        assert "different bits: door-copycat-described-single-n6-s1" in said
+        assert "sha256" not in said
+
+
+def test_a_row_of_another_controller_in_the_guise_of_the_shipped_one_is_found_by_repeating(
+    task, row, bench, paper, monkeypatch
+):
+    file = row("knn")
+    honest = record_of(file)
+    shutil.rmtree("knn")
+
+    def disguise(record, episodes):
+        record["controllers"] = honest["controllers"]
+        for mine, theirs in zip(record["evaluations"], honest["evaluations"], strict=True):
+            mine["controller_key"] = theirs["controller_key"]
+        return episodes
+
+    with monkeypatch.context() as patch:
+        patch.setitem(PRESETS, "paper", replace(paper, controller=ControllerConfig(epochs=9)))
+        patch.setattr("reports.submitting.other_protocols", lambda *arguments: None)
+        patch.setattr("reports.submitting.check_comparable", lambda *arguments: None)
+        row("knn")
+    reseal(file, disguise)
+    code, said, error = bench("verify", str(file), "--cells", "9")
+    assert code == 3, error
+    assert said.count("different bits: door-knn-described") == 2
+
+
+def test_the_page_on_submitting_runs(task, site, reference, paper, bench, monkeypatch):
+    monkeypatch.setitem(PRESETS, "paper", replace(paper, tasks=("door",)))
+    reference(episodes={"success": 12, "ood": 12}, seeds=(1, 2, 3))
+    for block in re.findall(r"^```sh\n(.*?)```", DOCS.read_text(), re.DOTALL | re.MULTILINE):
+        for line in block.splitlines():
+            forget()
+            code, said, error = bench(*shlex.split(line)[1:])
+            assert code == 0, (line, said + error)
+    assert Path("knn.parquet").exists()
