@@ -71,6 +71,12 @@ class Origin:
 class Submission:
     """A file of `bench submit`, for reading; a `bench.source.Source`."""
 
+    digest: str
+    """SHA-256 of the file."""
+    origin: Origin
+    _rows: list[dict[str, Any]]
+    """The evaluations, with their digests."""
+
     def __init__(self, path: Path) -> None:
         """Reads a file.
 
@@ -87,25 +93,17 @@ class Submission:
         path = self.path
         with reading(path):
             self.digest = hashlib.sha256(path.read_bytes()).hexdigest()
-            """SHA-256 of the file."""
             table, (labels, _) = read_table(path), read_labels(path)
             record = json.loads(labels[LABEL])
-            check(table.schema.remove_metadata() == _TABLE, path, "its table")
-            package = PackageSource(**record["package"])
-            self.origin = Origin(
-                record["method"], record["version"], package, tuple(record["missing"])
-            )
-            self._rows: list[dict[str, Any]] = record["evaluations"]
+            self.origin = _origin(path, record)
+            self._rows, self._fits = record["evaluations"], record["fits"]
+            self._controllers = record["controllers"]
             for row in self._rows:
                 _check_row(path, row)
                 check(row["method"] == self.origin.method, path, "its method")
-                check(row["folder"] in record["fits"], path, "its fits")
-            self._fits, self._controllers = record["fits"], record["controllers"]
+                check(isinstance(self._fits[row["folder"]]["versions"], dict), path, "its versions")
             check(len(self._places) == len(self._rows) > 0, path, "its evaluations")
-            check(not any(column.null_count for column in table.columns), path, "its episodes")
-            numbers = table["evaluation"].to_numpy()
-            check(list(np.unique(numbers)) == list(range(len(self._rows))), path, "its episodes")
-            check(bool((np.diff(numbers) >= 0).all()), path, "the order of its episodes")
+            _check_episodes(path, table, len(self._rows))
             self._episodes = outcomes_by_row(table.to_pandas(), len(self._rows))
 
     @property
@@ -207,6 +205,25 @@ def digests(results: Results, row: Mapping[str, Any]) -> dict[str, str]:
     contents = results.parameters(Name(label, key)), results.readings(row).tobytes()
     found = (hashlib.sha256(content).hexdigest() for content in contents)
     return dict(zip((LEARNT, READ), found, strict=True))
+
+
+def _origin(path: Path, record: Mapping[str, Any]) -> Origin:
+    """Returns the origin of a row. Raises DamagedError if it has other types."""
+    package = PackageSource(**record["package"])
+    missing = tuple(record["missing"])
+    texts = (package.name, package.version, *package.files, *package.files.values(), *missing)
+    check(all(isinstance(text, str) for text in texts), path, "its package")
+    check(type(record["version"]) is int, path, "its version")
+    return Origin(record["method"], record["version"], package, missing)
+
+
+def _check_episodes(path: Path, table: pa.Table, rows: int) -> None:
+    """Raises DamagedError unless a table holds the episodes of so many rows, in order."""
+    check(table.schema.remove_metadata() == _TABLE, path, "its table")
+    check(not any(column.null_count for column in table.columns), path, "its episodes")
+    numbers = table["evaluation"].to_numpy()
+    check(list(np.unique(numbers)) == list(range(rows)), path, "its episodes")
+    check(bool((np.diff(numbers) >= 0).all()), path, "the order of its episodes")
 
 
 def _check_row(path: Path, row: Mapping[str, Any]) -> None:

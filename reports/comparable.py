@@ -32,7 +32,7 @@ def required(reference: Results) -> pd.DataFrame:
     Args:
         reference: the shipped results.
     """
-    rows = [keep_common(without_expert(reference.of_all(split=split))) for split in SPLITS]
+    rows = [keep_common(without_expert(reference.main(split=split))) for split in SPLITS]
     return pd.concat(rows, ignore_index=True)
 
 

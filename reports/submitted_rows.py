@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from bench.controller_kinds import NO_CONTROLLER
 from bench.submission import Submission
 from reports.comparable import check_comparable, main_rows, required
 from reports.exhibits.success import success_of
@@ -80,6 +81,8 @@ def _row(results: Results, reference: Results, verified: Mapping[str, Any]) -> S
     starts = shipped[shipped.split == "test"].groupby("task").episodes.min()
     rows = rows.assign(episodes=rows.task.map(starts))
     note = f"{submission.label}: {origin.package.name} {origin.package.version}"
+    if (rows.controller == NO_CONTROLLER).any():
+        note += ", closed loop: it sees every state, the others only the first one"
     proof = verified.get(submission.digest)
     if proof:
         repeated = count_of(proof["evaluations"], "evaluation")

@@ -36,24 +36,13 @@ def submit(folder: Path, method: str | None, missing: Sequence[str], out: Path) 
         InputError: the row is incomplete, cannot be compared with the shipped results, or cannot be
             repeated with what is installed here.
     """
-    results, reference = Results(folder), Results(shipped())
+    results = Results(folder)
     label = _label(results, method)
-    needed = required(reference)
-    needed = needed[~needed.task.isin(missing)]
-    if needed.empty:
-        raise InputError("--missing leaves out every task of the shipped results")
-    rows = main_rows(results, label)
-    rows = rows[rows.task.isin(needed.task)]
-    protocols = other_protocols(results, rows, reference) if len(rows) else None
-    if protocols:
-        raise InputError(f"{protocols.text}\nget comparable rows: {protocols.command(rows)}")
-    _check_whole(results, label, lacking(rows, needed))
     name = plain(label)
+    rows = _rows(results, label, missing).assign(method=name)
     origin = Origin(name, known(name).version, package_source(name), tuple(missing))
-    chosen = pd.concat([rows, results.select(method=label, split=VALIDATION)])
-    chosen = chosen.merge(needed[["task", "seed"]].drop_duplicates())
     assert isinstance(results.source, StoredResults)
-    content = seal_submission(origin, results.source, chosen.assign(method=name))
+    content = seal_submission(origin, results.source, rows)
     with TemporaryDirectory() as place:
         draft = Path(place) / out.name
         draft.write_bytes(content)
@@ -83,7 +72,7 @@ def other_protocols(
     results: Results, rows: pd.DataFrame, reference: Results
 ) -> MixedProtocols | None:
     """Returns in which settings rows of results differ from the shipped ones; None if in none."""
-    theirs = pd.concat(reference.of_all(split=split) for split in SPLITS)
+    theirs = pd.concat(reference.main(split=split) for split in SPLITS)
     theirs = theirs[theirs.task.isin(rows.task)]
 
     def specs(key: str) -> dict[str, object]:
@@ -108,6 +97,23 @@ def _label(results: Results, method: str | None) -> str:
     if len(found) > 1:
         raise InputError(f"a file holds one row: choose with --method from {', '.join(found)}")
     return found[0]
+
+
+def _rows(results: Results, label: str, missing: Sequence[str]) -> pd.DataFrame:
+    """Returns the evaluations of a row, after checking that they are all, and comparable."""
+    reference = Results(shipped())
+    needed = required(reference)
+    needed = needed[~needed.task.isin(missing)]
+    if needed.empty:
+        raise InputError("--missing leaves out every task of the shipped results")
+    rows = main_rows(results, label)
+    rows = rows[rows.task.isin(needed.task)]
+    protocols = other_protocols(results, rows, reference) if len(rows) else None
+    if protocols:
+        raise InputError(f"{protocols.text}\nget comparable rows: {protocols.command(rows)}")
+    _check_whole(results, label, lacking(rows, needed))
+    every = pd.concat([rows, results.select(method=label, split=VALIDATION)])
+    return every.merge(needed[["task", "seed"]].drop_duplicates())
 
 
 def _check_whole(results: Results, label: str, left: pd.DataFrame) -> None:

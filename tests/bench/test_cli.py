@@ -183,6 +183,7 @@ READERS = {
     "time": ("time", "DIR"),
     "merge": ("merge", "DIR", "--out", "OUT"),
     "pack": ("pack", "DIR", "--out", "OUT"),
+    "submit": ("submit", "DIR", "--out", "OUT"),
     "report": ("report", "DIR"),
     "compare": ("compare", "DIR", "--methods", "kodex,nn"),
     "failures": ("failures", "DIR"),
@@ -208,13 +209,15 @@ def test_a_folder_without_results_is_refused_and_not_created(
     (tmp_path / "folder").mkdir()
     before = sorted(tmp_path.rglob("*"))
     places = {"DIR": str(tmp_path / what), "OUT": str(tmp_path / "out")}
+    if (command[0], what) == ("verify", "file"):
+        answer = "is damaged (its content is not what was written): name a file of `bench submit`"
     code, said, error = bench(*(places.get(word, word) for word in command))
     assert (code, said) == (2, "")
     assert f"{tmp_path / what} {answer}" in error
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("command", ["status", "time", "merge", "video"])
+@pytest.mark.parametrize("command", ["status", "time", "merge", "submit", "video"])
 def test_packed_results_are_refused_where_fits_are_needed(bench, tmp_path, monkeypatch, command):
     (tmp_path / "evaluations.parquet").touch()
     places = {"DIR": str(tmp_path), "OUT": str(tmp_path / "out")}
@@ -287,6 +290,7 @@ OUTPUTS = {
     "plan": ("plan", "smoke", "--out", "OUT"),
     "merge": ("merge", "RESULTS", "--out", "OUT"),
     "pack": ("pack", "RESULTS", "--out", "OUT"),
+    "submit": ("submit", "RESULTS", "--out", "OUT/file"),
     "report": ("report", "RESULTS", "--out", "OUT"),
     "report --export": ("report", "RESULTS", "--out", "RESULTS/report", "--export", "OUT/file"),
     "report beside": ("report", "OUT"),
