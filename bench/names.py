@@ -57,6 +57,11 @@ def fit_key(version: int, fields: Mapping[str, Any]) -> str:
     return key("fit", version, {k: v for k, v in fields.items() if k not in ("size", "settings")})
 
 
+def controller_label(fields: Mapping[str, Any]) -> str:
+    """Returns a readable name of a controller, given the fields of `bench.spec.ControllerSpec`."""
+    return "{task}-{kind}-{physics}-s{seed}".format(**fields)
+
+
 def folder_name(label: str, key: str) -> str:
     """Returns the name of the folder of a fit or controller."""
     return f"{label}-{key[:KEY_DIGITS]}"

@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -108,7 +109,7 @@ class Packed:
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
         # Earlier results lack these.
-        lacking = {"held_out": 0, "weights": "", "pins": UNPINNED, "action_seconds": np.nan}
+        lacking = {"held_out": 0, "weights": "", "pins": UNPINNED, "action_seconds": nan}
         lacking |= {name: PLAIN[name] for name in ADDED}
         added = {name: value for name, value in lacking.items() if name not in frame}
         return frame.assign(config=frame.config.map(json.loads), **added)

@@ -17,7 +17,7 @@ from bench.labels import DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
 from bench.manifest import Name, Wanted
-from bench.names import ADDED, PLAIN, evaluation_name, fit_key
+from bench.names import ADDED, PLAIN, controller_label, evaluation_name, fit_key
 from methods.base import Method, fits_together, machine_fields
 from methods.contract import build
 from methods.registry import get_method
@@ -224,7 +224,7 @@ class ControllerSpec:
     @property
     def label(self) -> str:
         """A readable name, for folders and messages."""
-        return f"{self.task}-{self.kind}-{self.physics}-s{self.seed}"
+        return controller_label(vars(self))
 
     def of_seed(self, seed: int) -> "ControllerSpec":
         """Returns the controller of another seed, which starts from weights of that seed too."""

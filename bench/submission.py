@@ -6,8 +6,7 @@ label of it is a JSON object::
     method, version          name and version of the method
     package                  see `bench.package_source.PackageSource`
     missing                  tasks that it leaves out
-    evaluations              rows of `bench.source.Source.frame`, each with the SHA-256 of what was
-                             learnt (weights) and of what the success rule read (readings)
+    evaluations              rows of `bench.source.Source.frame`, each with its `DIGESTS`
     fits                     times, host and versions of each fit by its folder
     controllers              fields of each controller by its key
 
@@ -29,7 +28,7 @@ import pyarrow as pa
 
 from bench.labels import SEPARATOR
 from bench.manifest import Name
-from bench.names import CONDITIONS, KEY_DIGITS, fit_key
+from bench.names import CONDITIONS, KEY_DIGITS, controller_label, fit_key
 from bench.package_source import PackageSource
 from bench.results import Results
 from bench.sealed_files import DamagedError, check, read_labels, read_table, reading, seal_table
@@ -42,8 +41,9 @@ if TYPE_CHECKING:
     from methods.base import Parameters
 
 LABEL = "submitted row"
-LEARNT, READ = "weights", "readings"
-"""Digests of an evaluation."""
+DIGESTS = ("weights", "controller_weights", "readings")
+"""SHA-256 of what the method and the controller learnt (empty without one), and of what the success
+rule read."""
 _TABLE = pa.schema(
     [
         ("evaluation", pa.int32()),
@@ -171,7 +171,7 @@ class Submission:
             again: results that hold the same evaluation with as many episodes.
         """
         stored, repeated = self._rows[self._places[_place(row)]], digests(again, row)
-        different = [name for name in (LEARNT, READ) if stored[name] != repeated[name]]
+        different = [name.replace("_", " ") for name in DIGESTS if stored[name] != repeated[name]]
         return f"other {' and '.join(different)}" if different else ""
 
     @cached_property
@@ -200,11 +200,16 @@ def seal_submission(origin: Origin, results: Results, rows: pd.DataFrame) -> byt
 
 
 def digests(results: Results, row: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the SHA-256 of what the fit of a row learnt, and of its readings."""
-    label, _, key = row["folder"].rpartition("-")
-    contents = results.parameters(Name(label, key)), results.readings(row).tobytes()
-    found = (hashlib.sha256(content).hexdigest() for content in contents)
-    return dict(zip((LEARNT, READ), found, strict=True))
+    """Returns the `DIGESTS` of a row of results."""
+    label, _, digits = row["folder"].rpartition("-")
+    key, controller = row["controller_key"], b""
+    if key:
+        name = Name(controller_label(results.controller_spec(key)), key)
+        controller = results.controller_weights(name)
+    weights, readings = results.parameters(Name(label, digits)), results.readings(row).tobytes()
+    contents = (weights, controller, readings)
+    found = (hashlib.sha256(content).hexdigest() if content else "" for content in contents)
+    return dict(zip(DIGESTS, found, strict=True))
 
 
 def _origin(path: Path, record: Mapping[str, Any]) -> Origin:
@@ -228,7 +233,7 @@ def _check_episodes(path: Path, table: pa.Table, rows: int) -> None:
 
 def _check_row(path: Path, row: Mapping[str, Any]) -> None:
     """Raises DamagedError unless an evaluation has the fields and types of one."""
-    check({*row} == {*COLUMNS, LEARNT, READ} - {_UNKNOWN}, path, "an evaluation")
+    check({*row} == {*COLUMNS, *DIGESTS} - {_UNKNOWN}, path, "an evaluation")
     texts = {*row} - {*_NUMBERS, "config"}
     check(all(type(row[name]) is int for name in _NUMBERS), path, "a number")
     check(all(type(row[name]) is str for name in texts), path, "a text")

@@ -210,7 +210,7 @@ def verify(
     from bench.packed import open_results
     from bench.parsing import LARGEST
     from bench.submission import Submission
-    from bench.verify import APART, DIFFERENT
+    from bench.verify import APART, DIFFERENT, IDENTICAL
     from bench.verify import verify as verify_results
     from reports.submitting import check_submitted
 
@@ -229,7 +229,7 @@ def verify(
                 f" {one.again} again, {count_of(one.differ, 'differing episode')}"
                 f"{one.difference and f'; {one.difference}'}"
             )
-        if isinstance(source, Submission):
+        if isinstance(source, Submission) and all(one.verdict == IDENTICAL for one in found):
             print(f"sha256 of {folder}: {source.digest}")
     if any(one.verdict in (APART, DIFFERENT) for one in found):
         raise typer.Exit(SOME_FAILED)
