@@ -83,8 +83,8 @@ def check_comparable(row: Results, reference: Results) -> None:
     left = lacking(main_rows(row, submission.origin.method), needed[~needed.task.isin(missing)])
     if len(left):
         found[f"it lacks {named(left)}"] = None
-    if set(missing) >= set(needed.task):
-        found["it leaves out every task"] = None
+    if shown := sorted(set(missing) & set(row.frame.task)):
+        found[f"it says that it leaves out {', '.join(shown)}, which it has"] = None
     if found:
         raise InputError(
             f"{row.folder.name} cannot stand beside the shipped results: {'; '.join(found)}"

@@ -106,6 +106,7 @@ def row(shipped, bench):
             resealed.choose_starts,
             "door, seed 1, test: the starts are not the first 12 of the split",
         ),
+        (resealed.leave_out_what_it_has, "it says that it leaves out door, which it has"),
         (resealed.claim_the_name_of_the_suite, "a method cannot be called 'nn': there is a method"),
     ],
 )
