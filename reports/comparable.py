@@ -102,6 +102,8 @@ def _differences(row: Results, reference: Results, needed: pd.DataFrame) -> Iter
         plain = all(one[name] == value for name, value in PLAIN.items())
         if not (plain and one["variant"] == DESCRIBED and one["split"] in (*SPLITS, VALIDATION)):
             yield f"{place}: an evaluation under other conditions"
+        if one["weights"]:
+            yield f"{place}: weights of a file, whose training cannot be repeated"
         for what, mine, theirs in _settings(one, shipped):
             if theirs != {mine}:
                 yield f"{place}: {what} {mine[:KEY_DIGITS]}, not {_listed(theirs)}"

@@ -84,6 +84,13 @@ def learn_from_other_demonstrations(record, episodes):
     return episodes
 
 
+def take_weights_from_a_file(record, episodes):
+    for row in record["evaluations"]:
+        row["weights"] = "a" * 64
+        rekey(record, row, row["folder"].rpartition("-")[0])
+    return episodes
+
+
 def leave_out_what_it_has(record, episodes):
     record["missing"] = ["door"]
     return episodes

@@ -101,6 +101,7 @@ def row(shipped, bench):
         (resealed.name_another_controller, "door, seed 1: controller ffffffffffff, not "),
         (resealed.train_controllers_longer, "seed 1: the controller has not the fields of the"),
         (resealed.learn_from_other_demonstrations, "seed 2: demonstrations eeeeeeeeeeee, not ddd"),
+        (resealed.take_weights_from_a_file, "seed 1: weights of a file, whose training cannot"),
         (resealed.drop_a_seed, "it lacks 12 starts of test on door (seed 2)"),
         (
             resealed.choose_starts,
