@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.names import CONDITIONS
-from bench.source import Source
+from bench.source import TIMES, Source
 from tasks.errors import InputError
 
 if TYPE_CHECKING:  # pandas is slow to import
@@ -17,7 +17,6 @@ if TYPE_CHECKING:  # pandas is slow to import
 
     from methods.base import Parameters
 
-TIMES = ["fit_seconds", "action_seconds"]
 _PLACE = ["folder", *CONDITIONS]
 """Columns that name an evaluation."""
 
@@ -44,7 +43,7 @@ class CombinedResults:
         if len(whole):
             _check_alike(whole)
             most = whole.groupby(_PLACE, sort=False).episodes.idxmax()
-            whole[TIMES] = whole.groupby("folder")[TIMES].transform("first")
+            whole[[*TIMES]] = whole.groupby("folder")[[*TIMES]].transform("first")
             whole = whole.loc[sorted(most)]
             places = whole[_PLACE].itertuples(index=False, name=None)
             self._evaluations = dict(zip(places, whole.source, strict=True))

@@ -23,7 +23,9 @@ FIT_FIELDS = (
     *("task", "method", "variant", "size", "config", "demos", "held_out", "seed"),
     *("demos_key", "settings", "weights", "pins"),
 )
-_SUMS = ("episodes", "successes", "diverged", "fit_seconds", "action_seconds", "folder")
+TIMES = ("fit_seconds", "action_seconds")
+"""The columns of what `bench time` measures."""
+_SUMS = ("episodes", "successes", "diverged", *TIMES, "folder")
 COLUMNS = (*FIT_FIELDS, *CONDITIONS, "controller_key", *_SUMS)
 """The columns of `Source.frame`."""
 OUTCOMES = ("start", "success", "diverged", "steps")

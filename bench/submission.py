@@ -32,7 +32,7 @@ from bench.names import CONDITIONS, KEY_DIGITS, controller_label, fit_key
 from bench.package_source import PackageSource
 from bench.results import Results
 from bench.sealed_files import DamagedError, check, read_labels, read_table, reading, seal_table
-from bench.source import COLUMNS, FIT_FIELDS, numbered_outcomes, outcomes_by_row
+from bench.source import COLUMNS, FIT_FIELDS, TIMES, numbered_outcomes, outcomes_by_row
 from tasks.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,8 +54,6 @@ _TABLE = pa.schema(
     ]
 )
 _NUMBERS = ("demos", "held_out", "seed", "replan", "episodes", "successes", "diverged")
-_UNKNOWN = "fit_seconds"
-"""The column that a file lacks: times of different machines do not compare."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,7 @@ class Submission:
         """See `bench.source.Source.frame`."""
         import pandas as pd
 
-        return pd.DataFrame(self._rows).assign(**{_UNKNOWN: np.nan})[[*COLUMNS]]
+        return pd.DataFrame(self._rows).assign(**dict.fromkeys(TIMES, np.nan))[[*COLUMNS]]
 
     def outcomes(self, row: Mapping[str, Any]) -> pd.DataFrame:
         """See `bench.source.Source.outcomes`."""
@@ -187,7 +185,7 @@ def seal_submission(origin: Origin, results: Results, rows: pd.DataFrame) -> byt
         results: that hold it.
         rows: the rows of their frame that it consists of.
     """
-    columns = [name for name in COLUMNS if name != _UNKNOWN]
+    columns = [name for name in COLUMNS if name not in TIMES]
     evaluations = [row | digests(results, row) for row in rows[columns].to_dict("records")]
     keys = [key for key in rows.controller_key.unique() if key]
     record = asdict(origin) | {
@@ -233,7 +231,7 @@ def _check_episodes(path: Path, table: pa.Table, rows: int) -> None:
 
 def _check_row(path: Path, row: Mapping[str, Any]) -> None:
     """Raises DamagedError unless an evaluation has the fields and types of one."""
-    check({*row} == {*COLUMNS, *DIGESTS} - {_UNKNOWN}, path, "an evaluation")
+    check({*row} == {*COLUMNS, *DIGESTS} - {*TIMES}, path, "an evaluation")
     texts = {*row} - {*_NUMBERS, "config"}
     check(all(type(row[name]) is int for name in _NUMBERS), path, "a number")
     check(all(type(row[name]) is str for name in texts), path, "a text")

@@ -4,11 +4,11 @@ import pandas as pd
 import pytest
 
 from bench.backend import Workers
-from bench.combined import TIMES
 from bench.driver import run
 from bench.merge import merge
 from bench.presets import get_preset
 from bench.results import Results as StoredResults
+from bench.source import TIMES
 from methods.kodex import Kodex
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
@@ -27,7 +27,7 @@ def test_merged_parts_equal_one_run(task, smoke, bench, tmp_path, files_of):
     assert files_of(tmp_path / "out") == files_of(whole)
     merged, alone = StoredResults(tmp_path / "out").frame(), StoredResults(whole).frame()
     assert (merged[merged.method == "kodex"].fit_seconds > 0).all()
-    pd.testing.assert_frame_equal(merged.drop(columns=TIMES), alone.drop(columns=TIMES))
+    pd.testing.assert_frame_equal(merged.drop(columns=[*TIMES]), alone.drop(columns=[*TIMES]))
 
 
 @pytest.mark.parametrize(
