@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from methods.base import Parameters
 
 LABEL = "submitted row"
-DIGESTS = ("weights", "controller_weights", "readings")
+DIGESTS = ("method_weights", "controller_weights", "readings")
 """SHA-256 of what the method and the controller learnt (empty without one), and of what the success
 rule read."""
 _TABLE = pa.schema(
