@@ -47,7 +47,7 @@ def answer(results: Results) -> list[str]:
 
 
 def to_beat(results: Results) -> list[str]:
-    """Returns a sentence on what a look-up reaches, and one on the best of all methods.
+    """Returns a sentence on the line to beat, and one on the best of all methods.
 
     Each is left out if the results have no such methods.
     """
@@ -57,7 +57,7 @@ def to_beat(results: Results) -> list[str]:
         for method in TO_BEAT
         if method in shown.index
     ]
-    said = [f"To beat, by looking up a motion: {'; '.join(simple)}."] if simple else []
+    said = [f"The line to beat: {'; '.join(simple)}."] if simple else []
     if results.beyond:
         every = success_of(results, results.of_all(split="test"))
         learnt = every[every.row != EXPERT]
