@@ -32,7 +32,7 @@ ABOUT = {
         measures="Success from unseen starts of the training distribution: the main comparison.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("table_6",),
-        own=("success", "all_tasks", "starts", "success_over_time", "motions", "beyond"),
+        own=("success", "all_tasks", "starts", "success_over_time", "motions", "beyond", "times"),
     ),
     "ood": About(
         measures="Success from starts outside the ranges of the training distribution.",

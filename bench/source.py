@@ -117,5 +117,6 @@ def episodes_table(source: Source) -> pd.DataFrame:
     parts = [source.outcomes(row) for row in frame.to_dict("records")]
     table = pd.concat(parts, ignore_index=True)
     rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])
-    labels = frame[names].astype({name: "category" for name in names if name not in NUMBERS})
+    texts = set(names) - {*NUMBERS, "replan"}
+    labels = frame[names].astype(dict.fromkeys(texts, "category"))
     return pd.concat([labels.iloc[rows].reset_index(drop=True), table], axis=1)

@@ -19,8 +19,9 @@ def product(left: Tensor, right: Tensor) -> Tensor:
 
 
 def plain_product(left: Tensor, right: Tensor) -> Tensor:
-    """Returns the same without a gradient."""
-    return torch.from_numpy(np.matmul(left.numpy(), right.numpy()))
+    """Returns the same without a gradient. As in torch, overflow gives infinity in silence."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return torch.from_numpy(np.matmul(left.numpy(), right.numpy()))
 
 
 class _Product(torch.autograd.Function):

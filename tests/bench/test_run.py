@@ -6,7 +6,7 @@ import pytest
 
 from bench.backend import Workers
 from bench.computing import fit_methods
-from bench.controller import ControllerConfig
+from bench.controller import VERSION, ControllerConfig
 from bench.costs import fit_cost
 from bench.driver import run
 from bench.job_queue import JobQueue
@@ -90,7 +90,7 @@ def test_a_run_recomputes_results_of_another_controller_version(
     study = get_preset("smoke")
     run(study, tmp_path, Workers(1, "sequential"))
     before = {path.read_bytes() for path in tmp_path.glob("cells/door-kodex*/eval-*")}
-    monkeypatch.setattr("bench.controller.VERSION", 3)
+    monkeypatch.setattr("bench.controller.VERSION", VERSION + 1)
     # The controller, and all three evaluations that it has a part in.
     assert run(study, tmp_path, Workers(1, "sequential")).done == 4
     assert capsys.readouterr().err.count("set aside as") == 3
