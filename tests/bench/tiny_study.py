@@ -28,6 +28,7 @@ def main(folder: Path) -> None:
     study = replace(
         PRESETS["smoke"],
         episodes={"success": 6, "ood": 6, "stability": 6},
+        methods=SUITE,
         demos=6,
         controller=ControllerConfig(epochs=2),
         settings={(name, "epochs"): 2 for name in SUITE if has_epochs(name)},
