@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.options import AsJson
+from tasks.disturbances import UNDISTURBED, meaning_of
 from tasks.registry import TASKS
 from tasks.words import count_of
 
@@ -103,6 +104,9 @@ def _print_experiment(facts: dict[str, Any]) -> None:
     for kind in ("splits", "controllers"):
         named = facts[kind].items()
         _print_table(kind, [{"name": name, "meaning": meaning} for name, meaning in named])
+    disturbed = [name for name in facts["disturbances"] if name != UNDISTURBED]
+    if disturbed:
+        _print_table("disturbances", [{"name": n, "meaning": meaning_of(n)} for n in disturbed])
     columns = {
         "fits": "fits",
         "evaluations": "evaluations",

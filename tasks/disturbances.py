@@ -85,6 +85,12 @@ def find_disturbances(name: str, task: Task) -> tuple[Disturbance, ...]:
     return found
 
 
+def meaning_of(name: str) -> str:
+    """Returns what a disturbance of that name, other than `UNDISTURBED`, means."""
+    kinds = [KINDS[part.rpartition("_")[0]] for part in name.split("+")]
+    return "; ".join(f"{kind.summary} [{kind.unit}]" for kind in kinds)
+
+
 def _parsed(part: str, name: str) -> Disturbance:
     kind, _, number = part.rpartition("_")
     if kind not in KINDS:

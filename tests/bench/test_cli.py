@@ -132,6 +132,14 @@ def test_describe_gives_the_conditions_of_robustness(bench):
     assert (facts["presets"]["smoke"], facts["presets"]["paper"]["episodes"]) == (None, 200)
 
 
+def test_an_experiment_says_what_its_disturbances_mean(bench):
+    for name in ("disturbed", "closed_loop"):
+        said = bench("describe", name)[1]
+        assert "joints_off_0.05" in said
+        assert "each hinge of the hand" in said
+    assert "joints_off" not in bench("describe", "success")[1]
+
+
 def test_every_exhibit_belongs_to_an_experiment(bench):
     facts = [json.loads(bench("describe", name, "--json")[1]) for name in EXPERIMENTS]
     named = {e for one in facts for names in one["exhibits"].values() for e in names}
