@@ -14,10 +14,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from methods.base import ActionMethod, NotFittedError, Parameters, check_above
+from methods.base import ActionMethod, Parameters, check_above
 from methods.layers import Weights, tensor
 from methods.scale import Scale
-from methods.training import Schedule, Trained, minimise, one_thread
+from methods.trained import TrainedMethod
+from methods.training import Schedule, minimise, one_thread
 from tasks.data import Demos, FloatArray, Layout, generator
 
 Rngs = Sequence[np.random.Generator]
@@ -38,19 +39,13 @@ class ActionConfig(Schedule):
         check_above(self, 0, "hidden")
 
 
-class ActionNetwork(ActionMethod):
+class ActionNetwork(TrainedMethod, ActionMethod):
     """A closed-loop method with a network. Its configs derive from `ActionConfig`."""
 
-    validates = True
     length: int = 1
     """C, the number of actions that are learnt for a state."""
     horizon: int = 1
     """How many of them are taken before the next are asked for."""
-
-    def __init__(self, config: Any, layout: Layout) -> None:
-        super().__init__(config, layout)
-        self._arrays: Parameters | None = None
-        self._trained: Trained | None = None
 
     @abstractmethod
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
@@ -75,11 +70,6 @@ class ActionNetwork(ActionMethod):
         """Returns the random numbers of a number of samples. Default: none."""
         return ()
 
-    def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
-        """Trains one network."""
-        (fitted,) = self.fit_seeds(self.config, self.layout, [demos], [validation], [seed])
-        self._arrays, self._trained = fitted._arrays, fitted._trained
-
     @classmethod
     def fit_seeds(
         cls,
@@ -90,8 +80,7 @@ class ActionNetwork(ActionMethod):
         seeds: Sequence[int],
     ) -> list[Self]:
         """Trains the networks of all seeds together, each on its own demonstrations."""
-        methods = [cls(config, layout) for _ in seeds]
-        one = methods[0]
+        one = cls(config, layout)
         scales = [_Scales.of(of_seed) for of_seed in demos]
         samples = [
             scale.samples(of_seed, one.length) for scale, of_seed in zip(scales, demos, strict=True)
@@ -113,24 +102,11 @@ class ActionNetwork(ActionMethod):
             seeds=seeds,
             validate=lambda weights: one.loss(weights, *shown, *fixed),
         )
-        for method, result, scale in zip(methods, trained, scales, strict=True):
-            method._arrays = result.weights | scale.arrays()
-            method._trained = result
-        return methods
+        return cls._fitted(config, layout, trained, [scale.arrays() for scale in scales])
 
     def _noises(self, rngs: Rngs, x: Tensor) -> list[Tensor]:
         drawn = [self.noise(rng, x.shape[1]) for rng in rngs]
         return [tensor(np.stack(arrays)) for arrays in zip(*drawn, strict=True)]
-
-    def parameters(self) -> Parameters:
-        """Returns the weights and the scaling of states and actions."""
-        if self._arrays is None:
-            raise NotFittedError(f"this {self.name} has no weights yet: call fit or load")
-        return self._arrays
-
-    def load(self, parameters: Parameters) -> None:
-        """Restores the weights and the scaling of states and actions."""
-        self._arrays, self._trained = dict(parameters), None
 
     def reset(self, starts: FloatArray, rngs: Rngs) -> None:
         """Forgets the chunks of earlier episodes."""
@@ -144,24 +120,13 @@ class ActionNetwork(ActionMethod):
         return self._chunks[:, self._since - 1]
 
     def _new_chunks(self, state: FloatArray) -> FloatArray:
-        arrays = self.parameters()
-        scales = _Scales.from_arrays(arrays)
-        weights = {
-            name: tensor(array)[None]
-            for name, array in arrays.items()
-            if not name.startswith(("state_", "action_"))
-        }
+        scales = _Scales.from_arrays(self.parameters())
+        weights = self.weights(("state_", "action_"))
         x = tensor(scales.states.apply(state))
         with one_thread(), torch.no_grad():
             found = self.predict(weights, x[None], self._rngs)[0].double().numpy()
         chunks = found.reshape(len(state), self.length, self.layout.action_dim)
         return np.clip(scales.actions.undo(chunks), -1.0, 1.0)
-
-    def diagnostics(self) -> Parameters:
-        """Returns, after a fit, the ``losses`` and ``validation_losses`` of each epoch."""
-        if self._trained is None:
-            return {}
-        return {"losses": self._trained.losses, "validation_losses": self._trained.validation}
 
 
 @dataclass(frozen=True)

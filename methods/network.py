@@ -15,10 +15,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from methods.base import MotionMethod, NotFittedError, Parameters
+from methods.base import MotionMethod
 from methods.layers import Weights, tensor
 from methods.scale import Scale
-from methods.training import Schedule, Trained, minimise, one_thread
+from methods.trained import TrainedMethod
+from methods.training import Schedule, minimise, one_thread
 from tasks.data import Demos, FloatArray, Layout
 
 
@@ -34,17 +35,11 @@ class NetworkConfig(Schedule):
     validation, instead of from the network's own prediction."""
 
 
-class NetworkMethod(MotionMethod):
+class NetworkMethod(TrainedMethod, MotionMethod):
     """A motion method with a neural network. Its configs derive from `NetworkConfig`."""
 
-    validates = True
     at_once: ClassVar[int | None] = None
     """Number of samples that pass through the network at a time in training, see `minimise`."""
-
-    def __init__(self, config: Any, layout: Layout) -> None:
-        super().__init__(config, layout)
-        self._arrays: Parameters | None = None
-        self._trained: Trained | None = None
 
     @abstractmethod
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
@@ -75,11 +70,6 @@ class NetworkMethod(MotionMethod):
         wanted = motion[:, :, 1:, : predicted.shape[-1]]
         return (predicted - wanted).square().mean(dim=(1, 2, 3))
 
-    def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
-        """Trains one network."""
-        (fitted,) = self.fit_seeds(self.config, self.layout, [demos], [validation], [seed])
-        self._arrays, self._trained = fitted._arrays, fitted._trained
-
     @classmethod
     def fit_seeds(
         cls,
@@ -90,8 +80,7 @@ class NetworkMethod(MotionMethod):
         seeds: Sequence[int],
     ) -> list[Self]:
         """Trains the networks of all seeds together, each on its own demonstrations."""
-        methods = [cls(config, layout) for _ in seeds]
-        one = methods[0]
+        one = cls(config, layout)
         scales = [Scale.of(of_seed.states, config.standardise) for of_seed in demos]
         unseen = tensor(
             np.stack([scale.apply(d.states) for scale, d in zip(scales, validation, strict=True)])
@@ -108,41 +97,17 @@ class NetworkMethod(MotionMethod):
             validate=lambda weights: one.error(weights, unseen),
             at_once=cls.at_once,
         )
-        for method, result, scale in zip(methods, trained, scales, strict=True):
-            method._arrays = result.weights | scale._asdict()
-            method._trained = result
-        return methods
-
-    def parameters(self) -> Parameters:
-        """Returns the weights and the scaling of states."""
-        if self._arrays is None:
-            raise NotFittedError(f"this {self.name} has no weights yet: call fit or load")
-        return self._arrays
-
-    def load(self, parameters: Parameters) -> None:
-        """Restores the weights and the scaling of states."""
-        self._arrays, self._trained = dict(parameters), None
+        return cls._fitted(config, layout, trained, [scale._asdict() for scale in scales])
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
         """Returns the motion from each start, (B, steps + 1, K)."""
         arrays = self.parameters()
         scale = Scale(arrays["state_mean"], arrays["state_scale"])
-        weights = {
-            name: tensor(array)[None]
-            for name, array in arrays.items()
-            if not name.startswith("state_")
-        }
         x = tensor(scale.apply(start))
         with one_thread(), torch.no_grad():
-            predicted = self.unroll(weights, x[None], steps)[0].double().numpy()
+            predicted = self.unroll(self.weights(("state_",)), x[None], steps)[0].double().numpy()
         first = start[:, None, : predicted.shape[-1]]
         return np.concatenate([first, scale.undo(predicted)], axis=1)
-
-    def diagnostics(self) -> Parameters:
-        """Returns, after a fit, the ``losses`` and ``validation_losses`` of each epoch."""
-        if self._trained is None:
-            return {}
-        return {"losses": self._trained.losses, "validation_losses": self._trained.validation}
 
 
 def windows(states: FloatArray, steps: int) -> FloatArray:
