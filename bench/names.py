@@ -50,14 +50,17 @@ class Named(Protocol):
 def fit_key(version: int, fields: Mapping[str, Any]) -> str:
     """Returns the key of a fit. The config is part of it, and so its size and settings are not.
 
-    Nor are the weights of a file, if there is none.
-
     Args:
         version: of the method; 0 for the expert.
         fields: those of `bench.spec.Fit`.
     """
-    left_out = {"size", "settings"} | ({"weights"} if not fields.get("weights") else set())
-    return key("fit", version, {k: v for k, v in fields.items() if k not in left_out})
+    decisive = {k: v for k, v in stored_fields(fields).items() if k not in ("size", "settings")}
+    return key("fit", version, decisive)
+
+
+def stored_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the fields of a fit as results hold them: without ``weights`` if none are given."""
+    return {name: value for name, value in fields.items() if name != "weights" or value}
 
 
 def controller_label(fields: Mapping[str, Any]) -> str:

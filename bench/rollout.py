@@ -9,7 +9,7 @@ import numpy as np
 from bench.controller import Controller
 from methods.base import ActionMethod, MotionMethod
 from methods.contract import actions, begin, motion
-from tasks.data import BoolArray, FloatArray, NonFinite, generator
+from tasks.data import BoolArray, FloatArray, NonFinite
 from tasks.simulator import Simulator
 
 
@@ -65,10 +65,7 @@ class FeedbackPolicy:
 
     def reset(self, simulator: Simulator) -> None:
         """Passes the first states of the episodes to the method, and their random streams."""
-        starts = simulator.starts
-        place = ("actions", starts.task, starts.split, starts.seed)
-        rngs = [generator(*place, int(index)) for index in starts.index]
-        begin(self.method, simulator.state(), rngs)
+        begin(self.method, simulator.state(), simulator.starts.streams("actions"))
         self._starts, self._first = 0, 0
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:

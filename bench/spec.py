@@ -17,7 +17,7 @@ from bench.labels import DIGITS
 from bench.labels import EXPERT as EXPERT
 from bench.labels import VALIDATION as VALIDATION
 from bench.manifest import Name, Wanted
-from bench.names import ADDED, PLAIN, controller_label, evaluation_name, fit_key
+from bench.names import ADDED, PLAIN, controller_label, evaluation_name, fit_key, stored_fields
 from methods.base import Method, fits_together, machine_fields
 from methods.contract import build
 from methods.registry import get_method
@@ -68,13 +68,8 @@ class Fit:
 
     @property
     def stored(self) -> dict[str, Any]:
-        """Its fields as results hold them: without those that say where the method computes.
-
-        Nor do they hold ``weights`` if none are given.
-        """
-        values = asdict(self)
-        if not self.weights:
-            del values["weights"]
+        """Its `stored_fields`, without those of the config that say where the method computes."""
+        values = stored_fields(asdict(self))
         if self.method != EXPERT:
             sizes = get_method(self.method, self.variant).sizes
             machine = machine_fields(next(iter(sizes.values())))

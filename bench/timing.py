@@ -18,11 +18,12 @@ from bench.spec import EXPERT, VALIDATION, Fit
 from bench.stored_files import Times
 from bench.training_data import training_demos, validation_demos
 from bench.verify import stored_fit
-from methods.base import ActionMethod, Method, MotionMethod
-from methods.contract import actions, begin, loaded, motion
+from methods.base import Method
+from methods.contract import loaded
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
-from tasks.data import Demos, FloatArray, generator
+from methods.toy import answer
+from tasks.data import Demos
 from tasks.registry import get_task
 
 REPEATS = 3
@@ -93,21 +94,16 @@ def timing_job(fit: Fit, demos: Demos, validation: Demos) -> Times:
     timed_fit = replace(fit, config=config)
     fitted = [fit_methods([timed_fit], [demos], [validation])[0] for _ in range(REPEATS)]
     made, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
-    method, states = loaded(made, config, layout, fitted[0].parameters), demos.states[:1]
+    method, episode = loaded(made, config, layout, fitted[0].parameters), demos[:1]
+    steps = episode.actions.shape[1]
     return Times(
         [one.seconds * epochs / timed for one in fitted],
-        [_episode_seconds(method, states) / (states.shape[1] - 1) for _ in range(REPEATS)],
+        [_answer_seconds(method, episode) / steps for _ in range(REPEATS)],
     )
 
 
-def _episode_seconds(method: Method, states: FloatArray) -> float:
-    """The CPU seconds of what a method answers in an episode (1, T, D), without the controller."""
-    began, steps = process_time(), states.shape[1] - 1
-    if isinstance(method, MotionMethod):
-        motion(method, states[:, 0], steps)
-    else:
-        assert isinstance(method, ActionMethod)
-        begin(method, states[:, 0], [generator("timing")])
-        for t in range(steps):
-            actions(method, states[:, t], t)
+def _answer_seconds(method: Method, episode: Demos) -> float:
+    """The CPU seconds of what a method answers in an episode, without the controller."""
+    began = process_time()
+    answer(method, episode)
     return process_time() - began

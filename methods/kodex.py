@@ -138,8 +138,8 @@ class Kodex(MotionMethod):
 
         ``eigenvalues`` (p, 2) holds real and imaginary parts (Fig. 7, Table 12),
         ``one_step_residuals`` (D,) the mean absolute errors of x(t+1) predicted from phi(x(t)),
-        ``singular_values`` (p,) those of the lifted states, the largest first, of which ``rank``
-        () count: a wide gap behind them says that K does not hang on the cut-off.
+        ``singular_values`` (p,) those of the lifted states, the largest first, and ``rank`` () how
+        many of them count. K hangs little on the cut-off if the next one is much smaller.
         """
         with threadpool_limits(1, "blas"):
             values = scipy.linalg.eigvals(self.koopman)

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,8 @@ from tasks.data import FloatArray
 if TYPE_CHECKING:
     from reports.exhibit import Exhibit
 
+SMALL = (1.65, 1.6)
+"""Width and height of a panel of `panel_grid` [inches]."""
 HANDLE, LETTER = 0.5, 0.085
 """Width of an entry of a legend without its label, and of a letter, at most [inches]."""
 PAPER = "paper"
@@ -97,6 +99,24 @@ def task_panels(
     for task, axes in found.items():
         axes.set_title(display(task), fontsize=10, loc="left")
     return drawing, found
+
+
+def panel_grid(
+    rows: int, columns: int, margin: tuple[float, float], sharex: bool | Literal["col"] = True
+) -> tuple[Figure, Any]:
+    """Returns a figure of success [%] and its small panels (rows, columns).
+
+    Args:
+        rows: number of panels below each other.
+        columns: number of panels beside each other.
+        margin: width and height to add to those of all panels [inches].
+        sharex: whether all panels, or those of a column, share the x-axis. All share the y-axis.
+    """
+    size = (SMALL[0] * columns + margin[0], SMALL[1] * rows + margin[1])
+    drawing = Figure(figsize=size)
+    panels = drawing.subplots(rows, columns, sharex=sharex, sharey=True, squeeze=False)
+    panels[0, 0].set_ylim(-3, 103)
+    return drawing, panels
 
 
 def add_line(

@@ -62,18 +62,19 @@ def named(places: pd.DataFrame) -> str:
     return "; ".join(texts)
 
 
-def check_comparable(row: Results, reference: Results) -> None:
+def check_comparable(row: Results, reference: Results, needed: pd.DataFrame) -> None:
     """Checks that a submitted row is whole, consistent and comparable with the shipped results.
 
     Args:
         row: the opened file.
         reference: the shipped results.
+        needed: what is `required` by them.
 
     Raises:
         InputError: it is not; the message names every difference.
     """
     assert isinstance(row.source, Submission)
-    submission, needed = row.source, required(reference)
+    submission = row.source
     submission.check_keys()
     check_method_name(submission.origin.method, SUITE)
     found = dict.fromkeys(_differences(row, reference, needed))

@@ -57,7 +57,7 @@ def submitted_rows(reference: Results, folder: Path) -> Submitted:
         reference: the shipped results.
         folder: of the files, such as `SUBMITTED`.
     """
-    rows, refused = [], {}
+    rows, refused, needed = [], {}, required(reference)
     try:
         verified = _verified(folder / LIST)
     except InputError as error:
@@ -65,20 +65,20 @@ def submitted_rows(reference: Results, folder: Path) -> Submitted:
     for path in sorted(folder.glob("*.parquet")):
         try:
             results = Results(path)
-            check_comparable(results, reference)
-            rows.append(_row(results, reference, verified))
+            check_comparable(results, reference, needed)
+            rows.append(_row(results, needed, verified))
         except InputError as error:
             refused[path.name] = str(error)
     return Submitted(rows, refused)
 
 
-def _row(results: Results, reference: Results, verified: Mapping[str, Any]) -> SubmittedRow:
+def _row(results: Results, needed: pd.DataFrame, verified: Mapping[str, Any]) -> SubmittedRow:
     submission = results.source
     assert isinstance(submission, Submission)
     origin = submission.origin
-    rows, shipped = main_rows(results, origin.method), required(reference)
+    rows = main_rows(results, origin.method)
     rows = rows[rows.split == "test"]
-    starts = shipped[shipped.split == "test"].groupby("task").episodes.min()
+    starts = needed[needed.split == "test"].groupby("task").episodes.min()
     rows = rows.assign(episodes=rows.task.map(starts))
     note = f"{submission.label}: {origin.package.name} {origin.package.version}"
     if (rows.controller == NO_CONTROLLER).any():

@@ -59,7 +59,7 @@ def check_submitted(path: Path) -> Submission:
         InputError: it cannot.
     """
     row, reference = Results(path), Results(shipped())
-    check_comparable(row, reference)
+    check_comparable(row, reference, required(reference))
     assert isinstance(row.source, Submission)
     check_repeatable(row.source)
     protocols = other_protocols(row, main_rows(row, row.source.origin.method), reference)

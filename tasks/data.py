@@ -150,6 +150,11 @@ class Starts:
         """Returns the chosen starts, in the order of rows."""
         return Starts(self.task, self.split, self.index[rows], self.values[rows], self.seed)
 
+    def streams(self, *what: str) -> list[np.random.Generator]:
+        """Returns the random stream of each episode for a purpose. Its start alone decides it."""
+        place = self.task, self.split, self.seed
+        return [generator(*what, *place, int(index)) for index in self.index]
+
 
 @dataclass(frozen=True)
 class Demos:

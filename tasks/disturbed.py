@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from tasks.base import Task
-from tasks.data import FloatArray, IntArray, Starts, generator
+from tasks.data import FloatArray, IntArray, Starts
 from tasks.disturbances import Disturbance, find_disturbances
 from tasks.simulator import Policy, Simulator
 
@@ -115,5 +115,4 @@ class _Noisy(Simulator):
 
 def _streams(starts: Starts, kind: str) -> list[np.random.Generator]:
     """The random stream of each episode. It does not depend on the strength."""
-    place = (starts.task, starts.split, starts.seed)
-    return [generator("disturbance", kind, *place, int(index)) for index in starts.index]
+    return starts.streams("disturbance", kind)

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, add_line
+from reports.charts import add_legend, add_line, panel_grid
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
@@ -12,8 +12,6 @@ from tasks.disturbances import UNDISTURBED
 from tasks.masses import VARIATIONS
 
 NEVER = "once"
-PANEL = (1.65, 1.6)
-"""Width and height of a panel [inches]."""
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -55,9 +53,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     table = in_nominal_physics(table)
     tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
     places = table.place.drop_duplicates().tolist()
-    size = (PANEL[0] * len(tasks) + 0.8, PANEL[1] * len(places) + 0.8)
-    drawing = Figure(figsize=size)
-    panels = drawing.subplots(len(places), len(tasks), sharex=True, sharey=True, squeeze=False)
+    drawing, panels = panel_grid(len(places), len(tasks), (0.8, 0.8))
     for place, row in zip(places, panels, strict=True):
         for task, axes in zip(tasks, row, strict=True):
             here = table[(table.place == place) & (table.column == task)]
@@ -69,7 +65,6 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         first.set_title(display(task), fontsize=10)
         names = [name.removeprefix("every_") for name in table.often.drop_duplicates()]
         last.set_xticks(range(len(names)), names)
-    panels[0, 0].set_ylim(-3, 103)
     drawing.supxlabel("control steps between two predictions", fontsize=10)
     drawing.supylabel(exhibit.axis, fontsize=10)
     add_legend(drawing, exhibit)

@@ -3,15 +3,13 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, add_line
+from reports.charts import add_legend, add_line, panel_grid
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, TASKS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import KINDS, UNDISTURBED, Disturbance
 
-PANEL = (1.65, 1.6)
-"""Width and height of a panel [inches]."""
 AXES = {
     "joints_off": "joints off",
     "object_off": "object off",
@@ -42,9 +40,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns a row of panels for each task: success by strength, a panel for each kind."""
     tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
     kinds = [kind for kind in KINDS if kind in set(table.kind)]
-    size = (PANEL[0] * len(kinds) + 0.6, PANEL[1] * len(tasks) + 0.8)
-    drawing = Figure(figsize=size)
-    panels = drawing.subplots(len(tasks), len(kinds), sharey=True, sharex="col", squeeze=False)
+    drawing, panels = panel_grid(len(tasks), len(kinds), (0.6, 0.8), "col")
     for task, row in zip(tasks, panels, strict=True):
         for kind, axes in zip(kinds, row, strict=True):
             here = table[(table.column == task) & table.kind.isin([UNDISTURBED, kind])]
@@ -57,7 +53,6 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
         row[0].set_ylabel(display(task), fontweight="bold")
     for kind, axes in zip(kinds, panels[-1], strict=True):
         axes.set_xlabel(f"{AXES[kind]} [{KINDS[kind].unit}]")
-    panels[0, 0].set_ylim(-3, 103)
     drawing.supylabel(exhibit.axis, fontsize=10)
     add_legend(drawing, exhibit)
     return drawing
