@@ -30,7 +30,7 @@ from methods.judging import (
 from methods.names import check_method_name
 from methods.registry import class_fault
 from methods.subject import Subject, subjects
-from methods.toy import HORIZON, LAYOUT, answer, unseen
+from methods.toy import HORIZON, LAYOUT, answer, streams, unseen
 
 
 def declared(method: type[Method]) -> None:
@@ -106,7 +106,7 @@ def same_start_same_answer(subject: Subject) -> None:
         keeps = "rollout must keep nothing between calls"
     else:
         assert isinstance(asked, ActionMethod)
-        begin(asked, others.states[:, 0], others.starts.streams("actions"))
+        begin(asked, others.states[:, 0], streams(others.starts))
         actions(asked, others.states[:, 0], 0)
         keeps = "reset must forget what earlier episodes left"
     same = difference(subject, answer(asked), subject.answer()) == 0
@@ -145,7 +145,7 @@ def states_untouched(subject: Subject) -> None:
         asked.rollout(given[0], HORIZON - 1)
     else:
         assert isinstance(asked, ActionMethod)
-        asked.reset(given[0], demos.starts.streams("actions"))
+        asked.reset(given[0], streams(demos.starts))
         for t, state in enumerate(given):
             asked.act(state, t)
     untouched = np.array_equal(np.stack(given, axis=1), demos.states[:, :-1])

@@ -63,5 +63,10 @@ def answer(method: Method, demos: Demos | None = None) -> FloatArray:
     if isinstance(method, MotionMethod):
         return motion(method, demos.states[:, 0], steps)
     assert isinstance(method, ActionMethod)
-    begin(method, demos.states[:, 0], demos.starts.streams("actions"))
+    begin(method, demos.states[:, 0], streams(demos.starts))
     return np.stack([actions(method, demos.states[:, t], t) for t in range(steps)], axis=1)
+
+
+def streams(starts: Starts) -> list[np.random.Generator]:
+    """Returns the generator of each episode's actions. It depends on its start alone."""
+    return [generator("actions", starts.task, int(index)) for index in starts.index]
