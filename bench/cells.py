@@ -10,6 +10,8 @@ from methods.base import ActionMethod
 from methods.registry import get_method
 from tasks.demos import demos_key
 from tasks.disturbances import UNDISTURBED
+from tasks.errors import InputError
+from tasks.experts import has_expert
 from tasks.masses import NOMINAL
 from tasks.registry import APPENDIX, get_task
 
@@ -32,8 +34,13 @@ class Conditions:
 def cells(
     study: Study, fits: Sequence[Fit], conditions: Iterable[Conditions], episodes: int
 ) -> list[Cell]:
-    """Returns a cell for each fit in each of the conditions."""
-    return [_cell(study, fit, place, episodes) for place in conditions for fit in fits]
+    """Returns a cell for each fit in each of the conditions that its task has."""
+    return [
+        _cell(study, fit, place, episodes)
+        for place in conditions
+        for fit in fits
+        if place.physics in get_task(fit.task).physics
+    ]
 
 
 def tracked(fits: Iterable[Fit]) -> list[Fit]:
@@ -62,6 +69,11 @@ def _cell(study: Study, fit: Fit, place: Conditions, episodes: int) -> Cell:
 
 def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
     kind = KINDS[place.controller]
+    if kind.records_expert and not has_expert(get_task(fit.task)):
+        raise InputError(
+            f"a controller of the kind {kind.name} learns from new rollouts of the expert, and task"
+            f" {fit.task!r} has none: leave out the experiment with --experiments"
+        )
     begin = replace(place, controller=kind.starts_from) if kind.starts_from else None
     return ControllerSpec(
         fit.task,

@@ -1,30 +1,29 @@
 """Checks a method as a run uses it: in separate processes, with its parameters stored between."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from bench.admission import describe_guest
+from bench.checked import ANOTHER_PROCESS, PRINTED, Checked
 from bench.isolation import afresh, apart, printed
 from methods.base import Method
-from methods.checks import DECLARED, REPEATS, RuleResult, check
+from methods.checks import DECLARED, REPEATS, check
 from methods.description import stand_in
 from methods.registry import SUITE, get_method, method_names, unknown_method
 from methods.subject import subjects
 from methods.toy import answer
 from tasks.data import FloatArray
 from tasks.errors import InputError
+from tasks.rule_results import RuleResult
 
-ANOTHER_PROCESS = "survives_another_process"
 ASKS = "Parameters that are stored and loaded in another process give the same answers."
 DIFFERS = (
     "it answers differently once loaded in another process: nothing may depend on hash(), id(), the"
     " order of a set, or the process"
 )
-PRINTED = 3
-"""Number of lines of a method's output that are kept."""
 
 
 def known(name: str) -> type[Method]:
@@ -46,17 +45,6 @@ def _stand_in(name: str) -> type[Method]:
         return stand_in(apart(describe_guest, name))
     except InputError as error:
         raise InputError(f"method {name!r} cannot be used: {error}") from error
-
-
-@dataclass(frozen=True)
-class Checked:
-    """The outcome of a check."""
-
-    results: tuple[RuleResult, ...]
-    printed: tuple[str, ...] = ()
-    """The first lines that the method printed."""
-    lines: int = 0
-    """How many lines it printed."""
 
 
 Stored = Mapping[str, tuple[bytes, FloatArray]]

@@ -9,7 +9,15 @@ from typing import Annotated
 
 import typer
 
-from bench import cli_demos, cli_describe, cli_expert, cli_methods, cli_run, cli_status
+from bench import (
+    cli_demos,
+    cli_describe,
+    cli_expert,
+    cli_methods,
+    cli_run,
+    cli_status,
+    cli_tasks,
+)
 from bench.commands import add_commands
 from bench.options import USAGE_ERROR
 from tasks.errors import InputError
@@ -32,6 +40,8 @@ app.command("status")(cli_status.status)
 app.command("doctor")(cli_status.doctor)
 app.command("check")(cli_methods.check)
 app.command("new-method")(cli_methods.new_method)
+app.command("check-task")(cli_tasks.check_task)
+app.command("new-task")(cli_tasks.new_task)
 
 
 add_commands(app)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.doing import doing, say
+from bench.guest_tasks import known_task
 from bench.options import SOME_FAILED, TaskName, number
 from bench.parsing import known_names
 from bench.parsing import seeds as parse_seeds
 from tasks.disturbances import find_disturbances
 from tasks.files import new_path
-from tasks.registry import TASKS, get_task
+from tasks.registry import TASKS, task_names
 from tasks.words import count_of
 
 if TYPE_CHECKING:
@@ -38,7 +39,8 @@ NewFile = Annotated[
 @app.command()
 def make(
     tasks: Annotated[
-        list[str] | None, typer.Argument(help="Names of tasks, such as door tool. Default: all.")
+        list[str] | None,
+        typer.Argument(help="Names of tasks, such as door tool. Default: the suite's."),
     ] = None,
     seeds: Annotated[
         str, typer.Option(help="Seeds to record for, such as 5 (1 to 5) or 2,4.")
@@ -50,9 +52,9 @@ def make(
     """
     from tasks.demos import demos_path, load_demos, split
 
-    chosen = known_names("TASKS", "task", ",".join(tasks or TASKS), TASKS)
+    chosen = known_names("TASKS", "task", ",".join(tasks or TASKS), task_names())
     for name, seed in product(chosen, parse_seeds(seeds)):
-        task = get_task(name)
+        task = known_task(name)
         with doing(f"recording the expert's demonstrations of {name}, seed {seed}"):
             training, validation = map(len, split(load_demos(task, seed)))
         place = demos_path(task, seed)
@@ -78,7 +80,7 @@ def disturb(
     from tasks.experts import load_expert
     from tasks.recorder import make_demos
 
-    chosen, wanted = get_task(task), TRAINING + VALIDATION
+    chosen, wanted = known_task(task), TRAINING + VALIDATION
     find_disturbances(disturbance, chosen)
     new_path(out)
     with doing(f"recording the expert on {task} with {disturbance}"):
@@ -99,7 +101,7 @@ def export_set(
     from tasks.demos import load_demos
     from tasks.minari import export_demos
 
-    chosen = get_task(task)
+    chosen = known_task(task)
     new_path(folder)
     with doing(f"recording the expert's demonstrations of {task}"):
         demos = load_demos(chosen, seed)
@@ -128,7 +130,7 @@ def record(
     from bench.recording import record_policy
     from tasks.demos_files import save_demos
 
-    get_task(task)
+    known_task(task)
     new_path(out)
     success, demos = record_policy(
         task, policy, count, lambda line: print(line, file=sys.stderr, flush=True)
@@ -153,7 +155,7 @@ def from_arrays(
     """Replay recorded actions from their starts, and keep the episodes that succeed."""
     from tasks.arrays import read_arrays, replay_arrays
 
-    chosen = get_task(task)
+    chosen = known_task(task)
     new_path(out)
     _keep(task, replay_arrays(chosen, **read_arrays(file)), out)
 
@@ -163,7 +165,7 @@ def import_set(task: TaskName, folder: Folder, out: NewFile) -> None:
     """Replay a Minari data set of an Adroit environment, and keep the episodes that succeed."""
     from tasks.minari import import_demos
 
-    chosen = get_task(task)
+    chosen = known_task(task)
     new_path(out)
     with doing(f"replaying the episodes of {folder}"):
         imported = import_demos(chosen, folder)
@@ -176,7 +178,7 @@ def verify(task: TaskName, folder: Folder) -> None:
     from tasks.minari import import_demos
 
     with doing(f"replaying the episodes of {folder}"):
-        success = import_demos(get_task(task), folder).success
+        success = import_demos(known_task(task), folder).success
     _print_replay(task, success)
     if not success.all():
         raise typer.Exit(SOME_FAILED)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from bench.options import AsJson
 from tasks.disturbances import UNDISTURBED, meaning_of
-from tasks.registry import TASKS
+from tasks.registry import task_names
 from tasks.words import count_of
 
 
@@ -20,7 +20,7 @@ def list_names(as_json: AsJson = False) -> None:
     from methods.registry import method_names
 
     names = {
-        "tasks": list(TASKS),
+        "tasks": task_names(),
         "methods": method_names(),
         "experiments": experiment_names(),
         "presets": list(PRESETS),

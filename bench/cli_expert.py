@@ -8,11 +8,11 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bench.doing import doing
+from bench.guest_tasks import known_task
 from bench.options import AsJson, TaskName, number
 from bench.parsing import seeds as parse_seeds
 from tasks.errors import unknown_name
 from tasks.files import writable_folder
-from tasks.registry import get_task
 from tasks.words import count_of
 
 app = typer.Typer(
@@ -37,13 +37,14 @@ def train(
     from tasks.cache import writable_cache
     from tasks.expert_training import train as train_expert
     from tasks.expert_training import write_expert
-    from tasks.recipes import RECIPES
+    from tasks.recipes import recipe_of
 
-    chosen = get_task(task)
+    chosen = known_task(task)
+    steps = recipe_of(chosen).steps
     folder = writable_folder(folder) if folder else writable_cache(f"experts/{task}")
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
-        bar = progress.add_task(task, total=RECIPES[task].steps)
+        bar = progress.add_task(task, total=steps)
 
         def report(row: dict[str, float]) -> None:
             shown = "{steps:,} steps, success {success:.0%}, reward {reward:.2f}".format(**row)
@@ -73,7 +74,7 @@ def evaluate(
     from tasks.experts import evaluate as evaluate_expert
     from tasks.experts import load_expert
 
-    chosen = get_task(task)
+    chosen = known_task(task)
     expert = load_expert(chosen).policy
     with doing(f"evaluating the expert of {task} in {count_of(episodes, 'episode')}"):
         counts = evaluate_expert(chosen, expert, split, episodes, physics)
@@ -116,7 +117,7 @@ def probe(
     from bench.probe import probe as probe_expert
     from tasks.experts import Expert, load_expert
 
-    chosen = get_task(task)
+    chosen = known_task(task)
     if folder is None:
         expert = load_expert(chosen).policy
     else:
@@ -150,11 +151,10 @@ def track(
     """
     from bench.controller import ControllerConfig
     from bench.tracking import track as track_expert
-    from tasks.masses import physics_names
 
-    chosen, known = get_task(task), physics_names(task)
-    if physics not in known:
-        raise unknown_name("physics", physics, known)
+    chosen = known_task(task)
+    if physics not in chosen.physics:
+        raise unknown_name("physics", physics, chosen.physics)
     with doing(f"tracking the expert's motions on {task}"):
         found = track_expert(chosen, physics, episodes, ControllerConfig(), parse_seeds(seeds))
     print(json.dumps(found, indent=2))

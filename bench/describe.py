@@ -4,10 +4,11 @@ from dataclasses import asdict
 from difflib import get_close_matches
 from typing import Any
 
-from tasks.base import SPLITS, Range, Task
+from tasks.base import SPLITS, Task
+from tasks.components import Range
 from tasks.errors import InputError, reason_of
-from tasks.masses import NOMINAL, all_changes
-from tasks.registry import TASKS, get_task
+from tasks.masses import NOMINAL
+from tasks.registry import TASKS, get_task, task_names, unknown_task, unusable_tasks
 
 SEED = (
     "A seed repeats the whole study: it draws the demonstrations, the test starts, and the random"
@@ -26,7 +27,7 @@ def describe(name: str) -> dict[str, Any]:
     from methods.registry import method_names, unknown_method, unusable
 
     kinds = (
-        ("task", TASKS, _task),
+        ("task", task_names(), _task),
         ("method", method_names(), _method),
         ("experiment", experiment_names(), _experiment),
         ("preset", PRESETS, _preset),
@@ -36,6 +37,8 @@ def describe(name: str) -> dict[str, Any]:
             return {"kind": kind, **particulars(name)}
     if name in unusable():
         raise unknown_method(name)
+    if name in unusable_tasks():
+        raise unknown_task(name)
     nearest = get_close_matches(name, [known for _, names, _ in kinds for known in names], n=1)
     hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
     known = "".join(f"\n  {kind}s: {', '.join(names)}" for kind, names, _ in kinds)
@@ -43,7 +46,9 @@ def describe(name: str) -> dict[str, Any]:
 
 
 def _task(name: str) -> dict[str, Any]:
-    task = get_task(name)
+    from bench.guest_tasks import known_task
+
+    task = known_task(name)
     return {
         "name": task.name,
         "summary": task.summary,
@@ -57,7 +62,7 @@ def _task(name: str) -> dict[str, Any]:
         "splits": {split: [_limits(task, box) for box in task.ranges(split)] for split in SPLITS},
         "reading": asdict(task.reading),
         "success": task.rule,
-        "physics": {NOMINAL: None} | {name: asdict(c) for name, c in all_changes(name).items()},
+        "physics": {NOMINAL: None} | {name: asdict(c) for name, c in task.changes.items()},
         "model_file": task.model_file,
         "model_hash": task.model_hash,
     }

@@ -11,6 +11,7 @@ import joblib
 
 from bench.checking import known
 from bench.commands import FAULTS
+from bench.guest_tasks import known_task
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
 from methods.registry import package_methods, unusable
@@ -21,7 +22,7 @@ from tasks.experts import load_expert
 from tasks.files import writable_folder
 from tasks.packages import unreadable
 from tasks.pins import PINNED, UNPINNED, pin, processor
-from tasks.registry import TASKS, get_task
+from tasks.registry import TASKS, get_task, package_tasks, unusable_tasks
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
 LEAST_MEMORY, LEAST_DISK = 4.0, 5.0
@@ -49,10 +50,13 @@ def _packages() -> list[dict[str, Any]]:
 
 
 def _brought() -> list[dict[str, Any]]:
-    """Methods and commands of installed packages that cannot be used."""
+    """Methods, tasks and commands of installed packages that cannot be used."""
     faults = {f"method {name!r}": fault for name, fault in unusable().items()}
     for name in package_methods():
         faults[f"method {name!r}"] = _refusal(partial(known, name))
+    faults |= {f"task {name!r}": fault for name, fault in unusable_tasks().items()}
+    for name in package_tasks():
+        faults[f"task {name!r}"] = _refusal(partial(known_task, name))
     faults |= {f"command {name!r}": fault for name, fault in FAULTS.items()}
     faults |= {
         f"package {name!r}": f"its entry points cannot be read ({reason}): uninstall or repair it"

@@ -12,6 +12,7 @@ from bench.agenda import make_agenda
 from bench.backend import Workers, workers
 from bench.clock import Clock
 from bench.experiments import cells_of
+from bench.guest_tasks import known_task
 from bench.interrupts import Interrupts
 from bench.job_queue import JobQueue
 from bench.machine import cached_factor
@@ -49,6 +50,8 @@ def run(study: Study, folder: Path, where: Workers) -> Outcome:
     _say_pins()
     if study.demos < 1 or study.demos > TRAINING:
         raise InputError(f"a study trains on 1 to {TRAINING} demonstrations, got {study.demos}")
+    for task in study.tasks:
+        known_task(task)
     keys = demos_keys_of(study)
     if not guests(study.methods):
         cells_of(study, keys)  # so that bad names are refused before a folder is created

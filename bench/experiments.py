@@ -16,7 +16,7 @@ from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.disturbances import names_of
 from tasks.errors import InputError, described, unknown_name
-from tasks.masses import PHYSICS, READINGS, VARIATIONS
+from tasks.masses import NOMINAL, READINGS
 from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, get_task
 
 EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
@@ -45,8 +45,9 @@ def ood(study: Study, chosen: Sizes) -> list[Cell]:
 def robustness(study: Study, chosen: Sizes) -> list[Cell]:
     """Success in changed physics, with the original and the expert-tuned controller (I)."""
     fits, episodes = chosen_fits(study, chosen), study.episodes["robustness"]
-    original = [Conditions("test", physics) for physics in PHYSICS]
-    tuned = [Conditions("test", physics, TUNED) for physics in VARIATIONS]
+    variations = _variations(study, "robustness")
+    original = [Conditions("test", physics) for physics in (NOMINAL, *variations)]
+    tuned = [Conditions("test", physics, TUNED) for physics in variations]
     return [
         *cells(study, fits, original, episodes),
         *cells(study, tracked(fits), tuned, episodes),
@@ -88,11 +89,12 @@ def disturbed(study: Study, chosen: Sizes) -> list[Cell]:
 def closed_loop(study: Study, chosen: Sizes) -> list[Cell]:
     """Success of methods that predict a motion anew on the way, never to at every step."""
     fits = [fit for fit in tracked(chosen_fits(study, chosen)) if get_method(fit.method).replans]
+    variations = _variations(study, "closed_loop")
     conditions = [
         replace(place, replan=replan)
         for replan in (0, *REPLANS)
         for place in (
-            *(Conditions("test", physics) for physics in PHYSICS),
+            *(Conditions("test", physics) for physics in (NOMINAL, *variations)),
             *(Conditions("test", disturbance=name) for name in REPLANNED),
         )
     ]
@@ -117,7 +119,7 @@ def _readings(study: Study, chosen: Sizes) -> list[Cell]:
     """Success with other readings of the masses in appendix I, which differ from task to task."""
     found = []
     for task in study.tasks:
-        readings = [Conditions("test", physics) for physics in READINGS[task]]
+        readings = [Conditions("test", physics) for physics in READINGS.get(task, ())]
         fits = chosen_fits(replace(study, tasks=(task,)), chosen)
         found += cells(study, fits, readings, _few(study))
     return found
@@ -137,12 +139,27 @@ def _controllers(study: Study, chosen: Sizes) -> list[Cell]:
     tuned = [
         Conditions("test", physics, kind)
         for kind in (ON_SUCCESSES, FINE_TUNED)
-        for physics in VARIATIONS
+        for physics in _variations(study, "audit")
     ]
     return [
         *cells(study, fits, unclipped, study.episodes["audit"]),
         *cells(study, fits, tuned, _few(study)),
     ]
+
+
+def _variations(study: Study, experiment: str) -> tuple[str, ...]:
+    """The variations of the physics of all tasks of a study, each once.
+
+    Raises InputError for an experiment on a task that has none.
+    """
+    by_task = {task: get_task(task).variations for task in study.tasks}
+    for task, variations in by_task.items():
+        if not variations:
+            raise InputError(
+                f"the experiment {experiment} changes the physics, and task {task!r} defines no"
+                " `changes`: leave out the experiment with --experiments"
+            )
+    return tuple(dict.fromkeys(name for names in by_task.values() for name in names))
 
 
 def _few(study: Study) -> int:

@@ -16,14 +16,15 @@ from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.demos import demos_key
+from tasks.experts import has_expert
 from tasks.registry import get_task
 
 
 def chosen_fits(study: Study, chosen: Sizes) -> list[Fit]:
-    """Returns the expert, if the study has it, and every method at its used size, by task."""
+    """Returns the expert, if study and task have one, and each method at its used size, by task."""
     fits = []
     for task in study.tasks:
-        if study.expert:
+        if study.expert and has_expert(get_task(task)):
             own = demos_key(get_task(task))
             fits += [
                 Fit(task, EXPERT, "described", "single", {}, 0, seed, own) for seed in study.seeds

@@ -7,6 +7,7 @@ from bench.labels import VALIDATION
 from bench.presets import SMALLEST, Study
 from methods.base import Method
 from methods.registry import get_method
+from tasks.registry import get_task
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,5 +71,6 @@ def used_size(study: Study, method: type[Method], task: str, chosen: Sizes) -> s
     if (task, method.name) in chosen:
         return chosen[task, method.name]
     compared = compared_sizes(study, method)
-    default = method.default_size.get(task, compared[0])
+    own = method.default_size.get(task) or get_task(task).default_sizes.get(method.name)
+    default = own or compared[0]
     return default if default in compared else compared[0]

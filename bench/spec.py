@@ -23,10 +23,10 @@ from methods.contract import build
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
-from tasks.demos import demos_key
+from tasks.demos import of_expert
 from tasks.disturbances import UNDISTURBED, find_disturbances
 from tasks.errors import InputError, unknown_name
-from tasks.masses import NOMINAL, physics_names
+from tasks.masses import NOMINAL
 from tasks.pins import mark
 from tasks.registry import APPENDIX, get_task
 from tasks.simulator import CHUNK
@@ -79,7 +79,7 @@ class Fit:
     @property
     def of_expert(self) -> bool:
         """Whether its demonstrations are the expert's, as this installation makes them."""
-        return self.demos_key == demos_key(get_task(self.task), self.pins)
+        return of_expert(get_task(self.task), self.demos_key, self.pins)
 
     @property
     def label(self) -> str:
@@ -143,12 +143,12 @@ class Evaluation:
     def __post_init__(self) -> None:
         if self.split not in EVALUATION_SPLITS:
             raise unknown_name("split", self.split, EVALUATION_SPLITS)
-        known = physics_names(self.task)
-        if self.physics not in known:
-            raise unknown_name("physics", self.physics, known)
+        task = get_task(self.task, self.rule)
+        if self.physics not in task.physics:
+            raise unknown_name("physics", self.physics, task.physics)
         if self.replan < 0:
             raise InputError(f"replan must be 0 or more control steps, got {self.replan}")
-        find_disturbances(self.disturbance, get_task(self.task, self.rule))
+        find_disturbances(self.disturbance, task)
 
     @property
     def name(self) -> str:

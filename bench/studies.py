@@ -90,9 +90,14 @@ def _episodes(study: Study, count: int) -> Study:
 
 
 def _tasks(study: Study, names: Names) -> Study:
-    from tasks.registry import TASKS
+    from bench.guest_tasks import known_task
+    from tasks.registry import task_names, unusable_tasks
 
-    return replace(study, tasks=parsing.known_names("--tasks", "task", _text(names), TASKS))
+    known = dict.fromkeys([*task_names(), *unusable_tasks()])
+    chosen = parsing.known_names("--tasks", "task", _text(names), known)
+    for name in chosen:
+        known_task(name)
+    return replace(study, tasks=chosen)
 
 
 def _methods(study: Study, names: Names) -> Study:

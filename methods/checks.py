@@ -8,17 +8,13 @@ check your own method in a test:
         RULES[rule](MyMethod)
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
 from functools import partial, wraps
-from time import perf_counter
 
 from methods import closed_loop_rules, rules
 from methods.base import Method
-from methods.contract import ContractError
-from methods.judging import RuleBrokenError, UntriedError
 from methods.subject import Subject, subjects
-from tasks.errors import described
+from tasks.rule_results import RuleBrokenError, RuleResult, run_rules, try_rule
 
 DECLARED = rules.declared.__name__
 VARIANT_RULES: dict[str, Callable[[Subject], None]] = {
@@ -65,29 +61,12 @@ NEEDS = {
 }
 
 
-@dataclass(frozen=True)
-class RuleResult:
-    """The result of one rule on one variant."""
-
-    rule: str
-    variant: str | None
-    """None for a rule on the class as a whole."""
-    passed: bool
-    message: str
-    """Why the rule is broken, or was not tried; empty if it holds."""
-    seconds: float
-    tried: bool = True
-    """False if the rule needs another one that is broken, or fails with the same error. The message
-    then names that rule: ``needs RULE``, or ``meets the error of RULE``."""
-
-
 def check(method: type[Method]) -> Iterator[RuleResult]:
     """Yields the result of each rule on each variant, as soon as it is known.
 
-    A rule that raises anything is broken. A rule that needs a broken one, or fails with the same
-    error, counts as not tried, so that each fault is reported once.
+    See `tasks.rule_results.run_rules`.
     """
-    whole = _tried(DECLARED, None, partial(rules.declared, method), {})
+    whole = try_rule(DECLARED, partial(rules.declared, method))
     yield whole
     if whole.passed:
         for subject in subjects(method):
@@ -99,44 +78,8 @@ def check(method: type[Method]) -> Iterator[RuleResult]:
 
 def check_variant(subject: Subject) -> Iterator[RuleResult]:
     """Yields the result of each rule but `declared` on one variant, see `check`."""
-    reasons: dict[str, str] = {}
-    """For each rule that does not hold: the message of a rule that needs it."""
-    first: dict[str, str] = {}
-    """For each message: the first rule that is broken with it."""
-    for name, rule in VARIANT_RULES.items():
-        result = _tried(name, subject.variant, partial(rule, subject), reasons)
-        if result.tried and result.message in first:
-            same = f"meets the error of {first[result.message]}"
-            result = replace(result, message=same, tried=False)
-        if not result.passed:
-            reasons[name] = f"needs {name}" if result.tried else result.message
-        if result.tried and not result.passed:
-            first[result.message] = name
-        yield result
-
-
-def _tried(
-    name: str, variant: str | None, rule: Callable[[], None], reasons: Mapping[str, str]
-) -> RuleResult:
-    for needed in NEEDS.get(name, NEEDED):
-        if needed in reasons:
-            return RuleResult(name, variant, False, reasons[needed], 0.0, tried=False)
-    began = perf_counter()
-    message, tried = _fault(rule)
-    return RuleResult(name, variant, not message, message, perf_counter() - began, tried)
-
-
-def _fault(rule: Callable[[], None]) -> tuple[str, bool]:
-    """Why a rule does not hold, or an empty text; and whether it could be tried."""
-    try:
-        rule()
-    except UntriedError as error:
-        return f"needs {error}", False
-    except (RuleBrokenError, ContractError) as error:
-        return str(error), True
-    except BaseException as error:
-        return described(error), True
-    return "", True
+    bound = {name: partial(rule, subject) for name, rule in VARIANT_RULES.items()}
+    yield from run_rules(bound, lambda name: NEEDS.get(name, NEEDED), subject.variant)
 
 
 def _in_every_variant(rule: Callable[[Subject], None]) -> Callable[[type[Method]], None]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from methods.base import ActionMethod, Method, MotionMethod
 from methods.contract import motion
-from methods.judging import TOLERANCE, RuleBrokenError, difference, longer, mean_error, require
+from methods.judging import TOLERANCE, difference, longer, mean_error
 from methods.subject import Subject
 from methods.toy import HORIZON, LAYOUT, answer, unseen
 from tasks.data import FloatArray, generator
+from tasks.rule_results import RuleBrokenError, require
 
 
 def ended_episodes_ignored(subject: Subject) -> None:

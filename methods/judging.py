@@ -1,4 +1,4 @@
-"""How rules judge: they compare answers, and raise `RuleBrokenError` with the reason."""
+"""How the rules compare answers of a method."""
 
 from collections.abc import Iterator
 
@@ -7,25 +7,12 @@ import numpy as np
 from methods.base import Method
 from methods.subject import Subject
 from tasks.data import BoolArray, FloatArray
+from tasks.rule_results import UntriedError
 
 MORE_EPOCHS = (20, 80)
 """Upper bounds of ``epochs`` that are tried in turn if fewer do not show that a method learns."""
 TOLERANCE = 1e-3
 """Largest difference between answers that should be equal except for rounding."""
-
-
-class RuleBrokenError(AssertionError):
-    """A method breaks a rule; the message gives the reason."""
-
-
-class UntriedError(Exception):
-    """A rule cannot be tried because the rule that the message names is broken."""
-
-
-def require(holds: bool, message: str) -> None:
-    """Raises RuleBrokenError with a message if a rule does not hold."""
-    if not holds:
-        raise RuleBrokenError(message)
 
 
 def finite_part(subject: Subject) -> BoolArray | None:

@@ -4,18 +4,16 @@ A package registers a method as an entry point of the group ``bench.methods``: i
 method's, and its value the class.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint
 
 from methods.base import ActionMethod, Method, MotionMethod
-from methods.names import check_label, check_method_name
-from tasks.errors import InputError, described, printable, unknown_name
-from tasks.packages import entry_points_of, owners
+from methods.names import check_label
+from tasks.errors import InputError
+from tasks.packages import Group
 
-ENTRY_POINTS = "bench.methods"
 _CLASSES = {
     "kodex": "Kodex",
     "nn": "NN",
@@ -38,14 +36,11 @@ PAPER = tuple(name for name in SUITE if name not in (*TO_BEAT, *CLOSED_LOOP))
 """The methods of the paper."""
 _VARIANTS = {("ngf", "published"): ("ngf_published", "PublishedNGF")}
 """Variants with a class of their own."""
-
+ENTRY_POINTS = "bench.methods"
+_BROUGHT = Group(ENTRY_POINTS, "method", SUITE)
 
 _INTRODUCED: dict[str, type[Method]] = {}
 """Stand-ins by name, for methods that this process must not import."""
-
-
-class MethodError(InputError):
-    """A package's method cannot be used; the message gives the reason."""
 
 
 def method_names() -> list[str]:
@@ -55,7 +50,7 @@ def method_names() -> list[str]:
 
 def package_methods() -> list[str]:
     """Returns the names of the methods in packages, except `unusable` ones."""
-    return sorted(set(_brought()) - set(unusable()))
+    return _BROUGHT.usable()
 
 
 def unusable() -> dict[str, str]:
@@ -63,16 +58,12 @@ def unusable() -> dict[str, str]:
 
     It includes a name of the suite if a package has a method of that name. The suite's is used.
     """
-    found = {name: _fault(name, points) for name, points in _brought().items()}
-    return {name: fault for name, fault in found.items() if fault}
+    return _BROUGHT.unusable()
 
 
 def unknown_method(name: str) -> InputError:
     """Returns the error for a name not in `method_names`, with the reason if it is unusable."""
-    faults = unusable()
-    if name in faults:
-        return MethodError(faults[name])
-    return unknown_name("method", name, method_names())
+    return _BROUGHT.unknown(name, method_names())
 
 
 @cache
@@ -80,7 +71,7 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
     """Returns the class of a method's variant. It is imported when it is first used.
 
     Raises:
-        MethodError: the method of a package cannot be used.
+        PackageError: the method of a package cannot be used.
         InputError: there is no such method.
     """
     if name in _INTRODUCED:
@@ -89,7 +80,9 @@ def get_method(name: str, variant: str = "described") -> type[Method]:
         raise unknown_method(name)
     if name in _CLASSES:
         return variant_class(_imported(name, _CLASSES[name]), variant)
-    return _load(*_brought()[name])
+    from methods.guard import guarded  # imports torch, which `bench list` does not need
+
+    return _BROUGHT.load(name, class_fault, guarded("import", name))
 
 
 def variant_class(method: type[Method], variant: str) -> type[Method]:
@@ -120,50 +113,6 @@ def introduced() -> Iterator[Callable[[type[Method]], None]]:
     finally:
         _INTRODUCED.clear()
         get_method.cache_clear()
-
-
-def _brought() -> dict[str, list[EntryPoint]]:
-    """The entry points of packages, by the name of the method."""
-    found: dict[str, list[EntryPoint]] = {}
-    for point in entry_points_of(ENTRY_POINTS):
-        found.setdefault(point.name, []).append(point)
-    return found
-
-
-def _fault(name: str, points: Sequence[EntryPoint]) -> str:
-    """Why a method of packages cannot be used, judged by its name; empty if it can."""
-    packages = owners(points)
-    if name in _CLASSES:
-        return f"{packages} provides a method {name!r}, which this suite has: {_cure(packages)}"
-    try:
-        check_method_name(name)
-    except InputError as error:
-        return f"{packages} provides a method that cannot be used: {error}; {_cure(packages)}"
-    if len(points) > 1:
-        values = ", ".join(sorted(point.value for point in points))
-        return f"{packages} provide the same method {name!r} ({values}): uninstall all but one"
-    return ""
-
-
-def _cure(packages: str) -> str:
-    return f"uninstall {packages}, or rename its entry point"
-
-
-def _load(point: EntryPoint) -> type[Method]:
-    from methods.guard import guarded  # imports torch, which `bench list` does not need
-
-    package = owners([point])
-    value = printable(lambda: point.value, "", 100)
-    place, cure = f"method {point.name!r} ({value}) of {package}", f"repair or uninstall {package}"
-    try:
-        with guarded("import", point.name):
-            found = point.load()
-            fault = class_fault(found, point.name)
-    except BaseException as error:  # a module may raise anything, or call sys.exit
-        raise MethodError(f"{place} cannot be imported: {described(error)}; {cure}") from error
-    if fault:
-        raise MethodError(f"{place} cannot be used: {fault}; {cure}")
-    return found
 
 
 def class_fault(found: object, name: str) -> str:

@@ -18,19 +18,12 @@ from methods.base import (
 from methods.contract import actions, begin, build, resolved
 from methods.description import describe_method
 from methods.guard import guarded
-from methods.judging import (
-    TOLERANCE,
-    RuleBrokenError,
-    difference,
-    finite_part,
-    longer,
-    mean_error,
-    require,
-)
-from methods.names import check_method_name
+from methods.judging import TOLERANCE, difference, finite_part, longer, mean_error
 from methods.registry import class_fault
 from methods.subject import Subject, subjects
 from methods.toy import HORIZON, LAYOUT, answer, streams, unseen
+from tasks.names import check_name
+from tasks.rule_results import RuleBrokenError, require
 
 
 def declared(method: type[Method]) -> None:
@@ -40,7 +33,7 @@ def declared(method: type[Method]) -> None:
     fault = class_fault(method, method.name)
     require(not fault, fault)
     if not method.__module__.startswith("methods."):
-        check_method_name(method.name)
+        check_name("method", method.name)
     describe_method(method)
     for subject in subjects(method):
         for size in subject.method.sizes:

@@ -13,10 +13,10 @@ import typer
 
 from bench.doing import doing
 from bench.options import SOME_FAILED, AsJson, Jobs, TaskName, number, results_folder
-from bench.parsing import known_names, names
+from bench.parsing import names
 from tasks.errors import InputError
 from tasks.files import whole_file, writable_file, writable_folder
-from tasks.registry import TASKS
+from tasks.registry import task_names, unknown_task
 from tasks.words import count_of
 
 if TYPE_CHECKING:
@@ -271,15 +271,18 @@ def video(
 
     The predicted motion is drawn as a transparent hand.
     """
+    from bench.guest_tasks import known_task
     from bench.renderer import renderer
 
-    known_names("TASK", "task", task, TASKS)
+    if task not in task_names():
+        raise unknown_task(task)
     chosen = names("--methods", methods)
     results_folder(results)
     drawing = renderer()
     if drawing is None:
         raise InputError("this machine cannot draw: see `bench doctor`")
     os.environ["MUJOCO_GL"] = drawing
+    known_task(task)  # imports MuJoCo
     from reports.video import film, lowest_seed, success_and_failure
 
     place = writable_folder(out or results / "videos")

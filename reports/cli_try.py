@@ -13,7 +13,7 @@ from bench.doing import since_start
 from bench.options import SOME_FAILED, AsJson, number
 from bench.studies import study_of
 from bench.study_options import Settings, Weights
-from tasks.registry import TASKS
+from tasks.registry import task_names, unusable_tasks
 from tasks.words import count_of
 
 if TYPE_CHECKING:
@@ -46,7 +46,8 @@ def try_method(
 
     known = dict.fromkeys([*method_names(), *unusable()])
     (chosen,) = parsing.known_names("METHOD", "method", method, known)
-    (place,) = parsing.known_names("--task", "task", task, TASKS)
+    known = dict.fromkeys([*task_names(), *unusable_tasks()])
+    (place,) = parsing.known_names("--task", "task", task, known)
     from reports.trial import trial_of
 
     study = study_of(

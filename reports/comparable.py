@@ -14,11 +14,11 @@ from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
 from bench.labels import VALIDATION
 from bench.names import KEY_DIGITS, PLAIN
 from bench.submission import Submission
-from methods.names import check_method_name
 from methods.registry import SUITE
 from reports.pairing import keep_common, without_expert
 from reports.results import SPLITS, Results
 from tasks.errors import InputError
+from tasks.names import check_name
 from tasks.words import count_of
 
 DESCRIBED = "described"
@@ -76,7 +76,7 @@ def check_comparable(row: Results, reference: Results, needed: pd.DataFrame) -> 
     assert isinstance(row.source, Submission)
     submission = row.source
     submission.check_keys()
-    check_method_name(submission.origin.method, SUITE)
+    check_name("method", submission.origin.method, SUITE)
     found = dict.fromkeys(_differences(row, reference, needed))
     if row.frame.settings.nunique() > 1:
         found["it has several values of --set"] = None

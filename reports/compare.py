@@ -11,7 +11,7 @@ from reports.pairing import keep_common
 from reports.pairs import pairs_of
 from reports.results import SPLITS, Results
 from reports.seed_statistics import ONE_SEED
-from reports.style import TASKS
+from reports.style import TASKS, ordered
 from tasks.errors import InputError
 
 HOW = (
@@ -40,7 +40,7 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
         raise InputError(f"two or more methods are compared, got {', '.join(labels)}")
     rows = compared_rows(results, labels)
     parts = []
-    for task in TASKS:
+    for task in ordered(rows.task, TASKS):
         for split in SPLITS:
             say(f"comparing {', '.join(labels)} on {task}, {split}")
             here = keep_common(rows[(rows.task == task) & (rows.split == split)])

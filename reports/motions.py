@@ -86,14 +86,14 @@ def replayed_motion(
 
 def demonstrated_motion(row: Mapping[str, Any], start: int) -> FloatArray:
     """Returns the joints (T, H) that a fit was to imitate from a start of ``test``."""
-    from tasks.demos import demos_key, load_adopted
+    from tasks.demos import load_adopted, of_expert
     from tasks.experts import load_expert
     from tasks.recorder import record
     from tasks.registry import get_task
 
     task = get_task(row["task"])
     here = task.sample("test", start + 1, row["seed"])[start:]
-    if row["method"] == EXPERT or row["demos_key"] == demos_key(task, row["pins"]):
+    if row["method"] == EXPERT or of_expert(task, row["demos_key"], row["pins"]):
         shown = record(task, here, load_expert(task).policy, failures=True)[1]
     else:
         demos = load_adopted(task, row["demos_key"])

@@ -45,8 +45,8 @@ VIEWS = {
     "relocation": ((-0.09, -0.11, 0.21), 0.8, 45.0),
     "reorientation": ((0.04, -0.19, 0.2), 0.6, 60.0),
 }
-"""Point that the camera looks at, distance [m] and azimuth [degrees]. Other tasks have the view of
-door, which is the widest."""
+"""Point that the camera looks at, distance [m] and azimuth [degrees]. Other tasks are seen as their
+model's file says, in ``<statistic center extent>`` and ``<visual><global azimuth elevation>``."""
 GHOST = (0.1, 0.4, 0.9, 0.25)
 
 
@@ -185,7 +185,7 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
     data = mujoco.MjData(take.model)
     data.qpos = take.positions[step]
     mujoco.mj_forward(take.model, data)
-    renderer.update_scene(data, _camera(take.task.name))
+    renderer.update_scene(data, _camera(take))
     for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
         renderer.scene.flags[effect] = 0
     if take.planned is not None:
@@ -200,11 +200,14 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
     return np.asarray(picture)
 
 
-def _camera(task: str) -> mujoco.MjvCamera:
-    """Returns a camera on the left behind the arm, above the table."""
+def _camera(take: Take) -> mujoco.MjvCamera:
+    """Returns a camera on the left behind the arm, above the table; or that of the model."""
     camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance, camera.azimuth = VIEWS.get(task, VIEWS["door"])
-    camera.elevation = -35.0
+    if take.task.name in VIEWS:
+        camera.lookat[:], camera.distance, camera.azimuth = VIEWS[take.task.name]
+        camera.elevation = -35.0
+    else:
+        mujoco.mjv_defaultFreeCamera(take.model, camera)
     return camera
 
 

@@ -1,23 +1,25 @@
-"""Task: the model, starts, state, success, failure and observation of one task.
+"""Task: the model, starts, state and success of one task, and what else it may define.
 
-A task's file fills in these six sections, in this order. It reads a ``mujoco.batch.Batch`` through
-named views, so the first axis of every array is the episodes, B.
+A task's file fills in these sections, in this order; those after success are optional. It reads a
+``mujoco.batch.Batch`` through named views, so the first axis of every array is the episodes, B.
 """
 
+from __future__ import annotations
+
 import hashlib
-import importlib.util
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from tasks.components import Component, Placed, Range
 from tasks.data import (
     BoolArray,
     Episodes,
@@ -28,6 +30,11 @@ from tasks.data import (
     generator,
 )
 from tasks.errors import InputError, unknown_name
+from tasks.masses import NOMINAL, Change
+
+if TYPE_CHECKING:
+    from tasks.recipes import Recipe
+    from tasks.simulator import Policy
 
 IN_DISTRIBUTION = ("train", "demo", "probe", "test")
 """Splits of the same ranges: to train experts, to demonstrate, to choose experts, to test."""
@@ -40,31 +47,11 @@ OBJECT_JOINTS = 6
 """Joints of a free object: three slides and three hinges, the last joints of the model."""
 
 
-@dataclass(frozen=True)
-class Component:
-    """One number of a state, a start or a reading."""
-
-    name: str
-    unit: str
-    source: str
-    """Where in the model it is read."""
-
-
-def xyz(name: str, unit: str, source: str) -> tuple[Component, ...]:
-    """Returns the three components of a vector. ``{axis}`` in the source becomes x, y and z."""
-    return tuple(Component(f"{name}_{axis}", unit, source.format(axis=axis)) for axis in "xyz")
-
-
-@dataclass(frozen=True)
-class Range:
-    """A box from which starts are drawn uniformly."""
-
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-
-    def contains(self, values: FloatArray) -> BoolArray:
-        """Returns whether each row of values (B, P) lies in the box, (B,)."""
-        return np.all((values >= self.low) & (values <= self.high), axis=1)
+REQUIRED = (
+    *("name", "summary", "model_file", "horizon", "robot_dim", "start_components"),
+    *("in_distribution", "out_of_distribution", "object_components", "reading", "rule"),
+)
+"""Attributes that every task's class defines."""
 
 
 class Task(ABC):
@@ -76,7 +63,7 @@ class Task(ABC):
     version: ClassVar[int] = 1
     """Raise it when the same actions lead to other states or another success."""
     model_file: ClassVar[str]
-    """Name of the XML file in the Adroit folder of gymnasium-robotics."""
+    """Name of the XML file of the model, in the folder of the class's file."""
     horizon: ClassVar[int]
     """T, number of states in an episode (appendix B)."""
     robot_dim: ClassVar[int]
@@ -95,29 +82,28 @@ class Task(ABC):
 
     @cached_property
     def model_path(self) -> Path:
-        """Path of the model in gymnasium-robotics, found without importing that package.
+        """Path of the model.
 
         Raises:
-            InputError: gymnasium-robotics is not installed, or lacks the file.
+            InputError: the file does not exist.
         """
-        package = importlib.util.find_spec("gymnasium_robotics")
-        if package is None or package.origin is None:
-            raise InputError("gymnasium-robotics is not installed: it holds the Adroit models")
-        path = Path(package.origin).parent / "envs/assets/adroit_hand" / self.model_file
+        path = Path(inspect.getfile(type(self))).parent / self.model_file
         if not path.is_file():
-            raise InputError(f"gymnasium-robotics has no {self.model_file} at {path}")
+            raise InputError(f"the model of {self.name} is not there: {path} does not exist")
         return path
 
-    def specification(self) -> mujoco.MjSpec:
-        """Returns a new, editable description of the nominal model.
+    def servo_gain(self, actuator: str) -> float | None:
+        """Returns a gain in place of the one that an actuator has in the file; None to keep it."""
+        return None
 
-        The wrist and the fingers get the servo gains that the constructors of the Adroit
-        environments set; the XML has others. Unused sensors are removed, which does not change the
-        physics.
+    def specification(self) -> mujoco.MjSpec:
+        """Returns a new, editable description of the nominal model: the file, with servo gains.
+
+        Unused sensors are removed, which does not change the physics.
         """
         spec = mujoco.MjSpec.from_file(str(self.model_path))
         for actuator in spec.actuators:
-            gain = _servo_gain(actuator.name)
+            gain = self.servo_gain(actuator.name)
             if gain is not None:
                 actuator.gainprm[:3] = [gain, 0.0, 0.0]
                 actuator.biasprm[:3] = [0.0, -gain, 0.0]
@@ -303,12 +289,50 @@ class Task(ABC):
         return np.where(episodes.success, "", failed)
 
     # Observation
-    @abstractmethod
     def observe(self, batch: Batch) -> FloatArray:
-        """Returns the observation of the task's gymnasium-robotics environment, a row per episode.
+        """Returns what an expert sees besides the joint velocities, a row for each episode.
 
-        Its kinematics are current; the environment's own lag by one substep.
+        Default: the state.
         """
+        return self.state(batch)
+
+    # Expert
+    recipe: ClassVar[Recipe | None] = None
+    """Settings with which `bench expert train` trains an expert; None if it cannot."""
+
+    def expert(self) -> Policy | None:
+        """Returns a policy that demonstrates the task, such as a script; None if there is none.
+
+        Raise `version` when it acts otherwise.
+        """
+        return None
+
+    # Physics
+    changes: ClassVar[Mapping[str, Change]] = {}
+    """Variations of the physics, by name."""
+
+    @property
+    def physics(self) -> tuple[str, ...]:
+        """The names of the task's physics: nominal and all variations."""
+        return (NOMINAL, *self.changes)
+
+    @property
+    def variations(self) -> tuple[str, ...]:
+        """The variations that the experiments compare: all of them."""
+        return tuple(self.changes)
+
+    # Methods
+    default_sizes: ClassVar[Mapping[str, str]] = {}
+    """By method, the size in experiments that compare no sizes. Default: the method's own choice,
+    or its smallest size."""
+
+    # Minari
+    placed: ClassVar[tuple[Placed, ...]] = ()
+    """What `place` writes, as Minari's data sets name it; empty if they have no such task."""
+
+    def start_values(self, initial: Mapping[str, FloatArray]) -> FloatArray:
+        """Returns the start values (P,) of an initial state, given the parts in `placed`."""
+        raise NotImplementedError
 
 
 def dropped(height: FloatArray, lifted: float, down: float) -> BoolArray:
@@ -320,13 +344,6 @@ def dropped(height: FloatArray, lifted: float, down: float) -> BoolArray:
 def count_decided(count: IntArray, left: int, exceeded: int) -> BoolArray:
     """Returns whether a count (B,) exceeds a number, or cannot reach it in the steps left, (B,)."""
     return (count > exceeded) | (count + left <= exceeded)
-
-
-def _servo_gain(actuator: str) -> float | None:
-    """Servo gain that the Adroit environments set for wrist and fingers; None for the arm."""
-    if actuator.startswith("A_AR"):
-        return None
-    return 10.0 if actuator.startswith("A_WR") else 1.0
 
 
 def _describe_range(names: Sequence[str], box: Range) -> str:

@@ -21,7 +21,7 @@ from tasks.demos_files import (
     sound_content,
 )
 from tasks.errors import InputError
-from tasks.experts import load_expert
+from tasks.experts import has_expert, load_expert
 from tasks.pins import check_environment, mark, pin
 from tasks.recorder import make_demos
 from tasks.words import count_of
@@ -55,11 +55,16 @@ def demos_key(task: Task, pins: str | None = None) -> str:
         task.name,
         task.version,
         task.model_hash,
-        load_expert(task).card["weights_sha256"],
+        load_expert(task).identity,
         mujoco.__version__,
         mark() if pins is None else pins,
         TRAINING + VALIDATION,
     )
+
+
+def of_expert(task: Task, chosen: str, pins: str | None = None) -> bool:
+    """Returns whether a key is that of the expert's demonstrations, see `demos_key`."""
+    return has_expert(task) and chosen == demos_key(task, pins)
 
 
 def demos_path(task: Task, seed: int = 1) -> Path:
@@ -123,7 +128,7 @@ def demos_of(task: Task, chosen: str, seed: int) -> tuple[Demos, Demos]:
     Raises:
         InputError: see `load_demos` and `load_adopted`.
     """
-    if chosen == demos_key(task):
+    if of_expert(task, chosen):
         return split(load_demos(task, seed))
     return split(shuffled(load_adopted(task, chosen), seed))
 

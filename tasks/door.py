@@ -1,10 +1,15 @@
 """Door opening: undo the latch and swing the door open."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import Component, Range, Task, xyz
+from tasks.adroit import AdroitTask
+from tasks.components import Component, Placed, Range, xyz
 from tasks.data import BoolArray, FloatArray
+from tasks.masses import all_changes
+from tasks.recipes import RECIPES
 
 OPEN_ANGLE = 1.35
 """Hinge angle above which the door counts as open [rad] (appendix C)."""
@@ -18,7 +23,7 @@ REACH = 0.1
 0.03 m."""
 
 
-class Door(Task):
+class Door(AdroitTask):
     """Appendix B-D, "Door Opening", on the AdroitHandDoor model."""
 
     # Model
@@ -99,3 +104,16 @@ class Door(Task):
         hand = batch.qpos[:, 1 : self.robot_dim]
         latch = batch.joint("latch").qpos
         return np.concatenate([hand, latch, hinge, palm, handle, palm - handle, flag], axis=1)
+
+    # Expert
+    recipe = RECIPES["door"]
+
+    # Physics
+    changes = all_changes("door")
+
+    # Minari
+    placed = (Placed("door_body_pos", "body", "frame", "pos"),)
+
+    def start_values(self, initial: Mapping[str, FloatArray]) -> FloatArray:
+        """Returns the position of the door frame [m], (3,)."""
+        return initial["door_body_pos"]

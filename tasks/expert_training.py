@@ -40,7 +40,7 @@ from tasks.episodes_env import EpisodesEnv
 from tasks.errors import InputError
 from tasks.experts import CLIP, Expert, evaluate
 from tasks.files import whole_file
-from tasks.recipes import RECIPES, Recipe
+from tasks.recipes import Recipe, recipe_of
 
 CARD_EPISODES = 10_000
 """Episodes of each split on which the card's success is measured."""
@@ -70,7 +70,7 @@ def train(task: Task, folder: Path, report: Report, threads: int = 2) -> Path:
 
 
 def _train(task: Task, folder: Path, report: Report, threads: int) -> None:
-    recipe = RECIPES[task.name]
+    recipe = recipe_of(task)
     torch.set_num_threads(threads)
     episodes = EpisodesEnv(task, recipe, threads)
     env = VecNormalize(episodes, gamma=recipe.discount, clip_obs=CLIP, epsilon=EPSILON)
@@ -103,7 +103,7 @@ def write_expert(task: Task, folder: Path) -> Path:
     data = save(expert_weights(tensors))
     expert = Expert(load(data))
     success = {split: evaluate(task, expert, split, CARD_EPISODES) for split in ("probe", "ood")}
-    recipe = asdict(RECIPES[task.name])
+    recipe = asdict(recipe_of(task))
     card = {
         "task": task.name,
         "task_version": task.version,

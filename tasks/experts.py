@@ -1,4 +1,8 @@
-"""Experts: reactive networks that demonstrate the tasks, as shipped in `tasks/experts/`."""
+"""Experts: the policies that demonstrate the tasks.
+
+Those of the suite's tasks are reactive networks, shipped in `tasks/experts/`. A task of a package
+brings its own, see `tasks.base.Task.expert`.
+"""
 
 import hashlib
 import json
@@ -13,13 +17,14 @@ from tasks.base import Task
 from tasks.data import FloatArray
 from tasks.errors import InputError
 from tasks.masses import NOMINAL
-from tasks.simulator import Simulator, rollout
+from tasks.simulator import Policy, Simulator, rollout
 
 SHIPPED = Path(__file__).with_name("experts")
 VELOCITY_SCALE = 0.1
 """Scales joint velocities [rad/s] to the size of the other inputs."""
 CLIP = 10.0
 """Largest absolute value of a normalised input, as in training."""
+_DIGEST = "weights_sha256"
 
 
 def expert_input(simulator: Simulator) -> FloatArray:
@@ -50,7 +55,7 @@ class Expert:
 
 
 def evaluate(
-    task: Task, expert: Expert, split: str, episodes: int, physics: str = NOMINAL
+    task: Task, expert: Policy, split: str, episodes: int, physics: str = NOMINAL
 ) -> dict[str, int]:
     """Returns how many episodes from the first starts of a split succeed, and how many diverge."""
     outcome = rollout(task, task.sample(split, episodes), expert, physics)
@@ -58,29 +63,50 @@ def evaluate(
 
 
 @dataclass(frozen=True)
-class ShippedExpert:
-    """An expert and its card, which notes the SHA-256 of its weights."""
+class LoadedExpert:
+    """The expert of a task."""
 
-    policy: Expert
+    policy: Policy
     card: dict[str, Any]
+    """What is noted of a shipped one: how it was trained, and the SHA-256 of its weights."""
+
+    @property
+    def identity(self) -> str:
+        """Tells experts of one version of a task apart: the SHA-256 of shipped weights."""
+        return str(self.card.get(_DIGEST, ""))
 
 
-def load_expert(task: Task) -> ShippedExpert:
+def has_expert(task: Task) -> bool:
+    """Returns whether a task has an expert."""
+    return _card_path(task).exists() or task.expert() is not None
+
+
+def load_expert(task: Task) -> LoadedExpert:
     """Returns the expert of a task.
 
     Raises:
-        InputError: none is shipped, or its weights do not match the SHA-256 on its card.
+        InputError: it has none, or shipped weights do not match the SHA-256 on their card.
     """
-    path = SHIPPED / f"{task.name}.json"
+    path = _card_path(task)
     if not path.exists():
-        shipped = ", ".join(sorted(other.stem for other in SHIPPED.glob("*.json"))) or "none"
-        raise InputError(f"no expert is shipped for task {task.name!r}; shipped are: {shipped}")
+        own = task.expert()
+        if own is None:
+            raise InputError(
+                f"task {task.name!r} has no expert: give demonstrations with --demos FILE; `bench"
+                f" demos record {task.name} --policy FILE.py:NAME --out FILE` makes them from a"
+                " policy of yours"
+            )
+        return LoadedExpert(own, {})
     card = json.loads(path.read_text())
-    data = (SHIPPED / f"{task.name}.safetensors").read_bytes()
+    data = path.with_suffix(".safetensors").read_bytes()
     digest = hashlib.sha256(data).hexdigest()
-    if digest != card["weights_sha256"]:
+    if digest != card[_DIGEST]:
         raise InputError(
             f"the weights of expert {task.name!r} have SHA-256 {digest}, but its card says"
-            f" {card['weights_sha256']}: reinstall the package"
+            f" {card[_DIGEST]}: reinstall the package"
         )
-    return ShippedExpert(Expert(load(data)), card)
+    return LoadedExpert(Expert(load(data)), card)
+
+
+def _card_path(task: Task) -> Path:
+    return SHIPPED / f"{task.name}.json"

@@ -84,8 +84,3 @@ READINGS = {task: _readings(changes) for task, changes in CHANGES.items()}
 def all_changes(task: str) -> dict[str, Change]:
     """Returns every change of a task's model by name, those of the appendix first."""
     return CHANGES[task] | READINGS[task]
-
-
-def physics_names(task: str) -> tuple[str, ...]:
-    """Returns the names of a task's physics: nominal and all variations."""
-    return (NOMINAL, *all_changes(task))

@@ -9,7 +9,6 @@ and foreign filters are refused, and sizes are checked before anything is read.
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from minari.dataset.minari_storage import MinariStorage
 
 from tasks.arrays import Replay, Replayed
 from tasks.base import Task
+from tasks.components import Placed
 from tasks.data import Demos, FloatArray, IntArray, Starts, real
 from tasks.errors import InputError
 from tasks.files import new_path, whole_folder
@@ -36,38 +36,9 @@ _FILTERS = (None, "gzip", "lzf")
 
 
 @dataclass(frozen=True)
-class Placed:
-    """One part of an initial state: its name in Minari's data sets, and its place in the model."""
-
-    name: str
-    element: str
-    """``body`` or ``site``."""
-    of: str
-    attribute: str
-
-
-PLACED = {
-    "tool": (Placed("board_pos", "body", "nail_board", "pos"),),
-    "door": (Placed("door_body_pos", "body", "frame", "pos"),),
-    "relocation": (
-        Placed("obj_pos", "body", "Object", "pos"),
-        Placed("target_pos", "site", "target", "pos"),
-    ),
-    "reorientation": (Placed("desired_orien", "body", "target", "quat"),),
-}
-
-START_VALUES: dict[str, Callable[[dict[str, FloatArray]], FloatArray]] = {
-    "tool": lambda state: state["board_pos"][2:],
-    "door": lambda state: state["door_body_pos"],
-    "relocation": lambda state: state["target_pos"],
-    "reorientation": lambda state: _pitch_and_yaw(state["desired_orien"]),
-}
-
-
-@dataclass(frozen=True)
 class _Episode:
     initial: dict[str, FloatArray]
-    """qpos, qvel, and the parts in PLACED."""
+    """qpos, qvel, and the parts in `Task.placed`."""
     actions: FloatArray
     """(T-1, A)"""
 
@@ -81,7 +52,7 @@ def export_demos(task: Task, demos: Demos, folder: Path) -> None:
         folder: the new folder of the data set.
 
     Raises:
-        InputError: the folder exists or cannot be created, or the task has no entry in PLACED.
+        InputError: the folder exists or cannot be created, or the task has no format of Minari's.
     """
     new_path(folder)
     initial = _initial_states(task, demos.starts)
@@ -108,10 +79,10 @@ def import_demos(task: Task, folder: Path) -> Replayed:
 
     Raises:
         InputError: the folder is not such a data set, an episode cannot be replayed, or the task
-            has no entry in PLACED.
+            has no format of Minari's.
     """
     episodes = _read_episodes(task, folder)
-    values = np.stack([START_VALUES[task.name](episode.initial) for episode in episodes])
+    values = np.stack([task.start_values(episode.initial) for episode in episodes])
     starts = Starts(task.name, "demo", np.arange(len(episodes)), values)
     success, demos = record(task, starts, _Replay(task, episodes))
     return Replayed(demos, success)
@@ -138,12 +109,12 @@ class _Replay(Replay):
 
 
 def _placed(task: Task) -> tuple[Placed, ...]:
-    if task.name not in PLACED:
+    if not task.placed:
         raise InputError(
-            f"no Minari format is known for {task.name!r}: choose from {', '.join(PLACED)}, or add"
-            " the task to PLACED and START_VALUES in tasks/minari.py"
+            f"no Minari format is known for {task.name!r}: its class defines no `placed` and"
+            " `start_values`"
         )
-    return PLACED[task.name]
+    return task.placed
 
 
 def _initial_states(task: Task, starts: Starts) -> dict[str, FloatArray]:
@@ -167,12 +138,6 @@ def _buffer(demos: Demos, row: int, initial: dict[str, FloatArray]) -> EpisodeBu
         truncations=last,
         infos={"hand_velocities": demos.velocities[row]},
     )
-
-
-def _pitch_and_yaw(quaternion: FloatArray) -> FloatArray:
-    """The angles [rad] of a goal that was turned about x, then about the rotated y."""
-    w, x, y, _ = quaternion
-    return np.array([2 * np.arctan2(x, w), 2 * np.arctan2(y, w)])
 
 
 def _read_episodes(task: Task, folder: Path) -> list[_Episode]:

@@ -9,7 +9,7 @@ from mujoco.batch import MODEL_FIELDS, Batch
 from tasks.base import Task
 from tasks.data import FloatArray
 from tasks.errors import unknown_name
-from tasks.masses import NOMINAL, Change, all_changes, physics_names
+from tasks.masses import NOMINAL, Change
 
 
 def apply_physics(task: Task, physics: str, batch: Batch) -> None:
@@ -31,9 +31,9 @@ def changed_fields(task: Task, physics: str) -> dict[str, FloatArray]:
     Raises:
         InputError: there is no such variation.
     """
-    if physics not in physics_names(task.name):
-        raise unknown_name("physics variation", physics, physics_names(task.name))
-    return {} if physics == NOMINAL else _changed_fields(task, all_changes(task.name)[physics])
+    if physics not in task.physics:
+        raise unknown_name("physics variation", physics, task.physics)
+    return {} if physics == NOMINAL else _changed_fields(task, task.changes[physics])
 
 
 @cache

@@ -6,13 +6,20 @@ methods plan a whole motion from its start, and no method could imitate an exper
 or jerky.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mujoco.batch import Batch
 
 from tasks.data import CONTROL_STEP, FloatArray
+from tasks.errors import InputError
+
+if TYPE_CHECKING:
+    from tasks.base import Task
 
 Reward = Callable[[Batch], FloatArray]
 
@@ -234,3 +241,17 @@ RECIPES = {
         initial_std=0.3,  # with more noise, the pen leaves the hand before anything is learnt
     ),
 }
+
+
+def recipe_of(task: Task) -> Recipe:
+    """Returns the recipe of a task.
+
+    Raises:
+        InputError: it has none.
+    """
+    if task.recipe is None:
+        raise InputError(
+            f"no expert of {task.name!r} can be trained: its class defines no `recipe`, which holds"
+            " the reward"
+        )
+    return task.recipe

@@ -1,10 +1,16 @@
 """Object relocation: pick up the ball and carry it to the target."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, dropped, xyz
+from tasks.adroit import AdroitTask
+from tasks.base import OBJECT_JOINTS, count_decided, dropped
+from tasks.components import Component, Placed, Range, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
+from tasks.masses import all_changes
+from tasks.recipes import RECIPES
 
 TARGET_RADIUS = 0.1
 """Distance to the target below which the ball is at the target [m] (appendix C)."""
@@ -16,7 +22,7 @@ height, which a nudge does not reach), below the second it is back on the table.
 reward counts it as lifted above 0.04 m.)"""
 
 
-class Relocation(Task):
+class Relocation(AdroitTask):
     """Appendix B-D, "Object Relocation", on the AdroitHandRelocate model.
 
     The ball always starts at the centre of the table, its place in the model.
@@ -101,3 +107,19 @@ class Relocation(Task):
         target = batch.site("target").xpos
         hand = batch.qpos[:, : self.robot_dim]
         return np.concatenate([hand, palm - ball, palm - target, ball - target], axis=1)
+
+    # Expert
+    recipe = RECIPES["relocation"]
+
+    # Physics
+    changes = all_changes("relocation")
+
+    # Minari
+    placed = (
+        Placed("obj_pos", "body", "Object", "pos"),
+        Placed("target_pos", "site", "target", "pos"),
+    )
+
+    def start_values(self, initial: Mapping[str, FloatArray]) -> FloatArray:
+        """Returns the position of the target [m], (3,)."""
+        return initial["target_pos"]

@@ -1,12 +1,17 @@
 """In-hand reorientation: turn the pen to the goal orientation."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, count_decided, xyz
+from tasks.adroit import AdroitTask
+from tasks.base import OBJECT_JOINTS, count_decided
+from tasks.components import Component, Placed, Range, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
+from tasks.masses import all_changes
+from tasks.recipes import RECIPES
 
 PEN_LENGTH = 0.13
 """Distance between the sites at the ends of the pen, and of the goal [m]."""
@@ -22,7 +27,7 @@ UNSETTLED = 4.0
 """Subtracted from the cosine of a dropped or too fast pen, so that the reading shows both facts."""
 
 
-class Reorientation(Task):
+class Reorientation(AdroitTask):
     """Appendix B-D, "In-hand Reorientation", on the AdroitHandPen model."""
 
     # Model
@@ -136,6 +141,20 @@ class Reorientation(Task):
         return np.concatenate(
             [hand, position, velocities, pen, goal, from_place, pen - goal], axis=1
         )
+
+    # Expert
+    recipe = RECIPES["reorientation"]
+
+    # Physics
+    changes = all_changes("reorientation")
+
+    # Minari
+    placed = (Placed("desired_orien", "body", "target", "quat"),)
+
+    def start_values(self, initial: Mapping[str, FloatArray]) -> FloatArray:
+        """Returns the pitch and yaw of the goal [rad], (2,)."""
+        w, x, y, _ = initial["desired_orien"]
+        return np.array([2 * np.arctan2(x, w), 2 * np.arctan2(y, w)])
 
 
 class PublishedReorientation(Reorientation):

@@ -1,10 +1,16 @@
 """Tool use: pick up the hammer and drive the nail into the board."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from mujoco.batch import Batch
 
-from tasks.base import OBJECT_JOINTS, Component, Range, Task, dropped, xyz
+from tasks.adroit import AdroitTask
+from tasks.base import OBJECT_JOINTS, dropped
+from tasks.components import Component, Placed, Range, xyz
 from tasks.data import BoolArray, FloatArray, IntArray
+from tasks.masses import all_changes
+from tasks.recipes import RECIPES
 
 NAIL_DISTANCE = 0.01
 """Distance from nail to goal below which the nail is driven in [m] (appendix C)."""
@@ -19,7 +25,7 @@ CONTACT_MARGIN = 0.01
 """Margin between bounding spheres below which a body may touch the nail [m]."""
 
 
-class Tool(Task):
+class Tool(AdroitTask):
     """Appendix B-D, "Tool Use", on the AdroitHandHammer model."""
 
     # Model
@@ -28,7 +34,7 @@ class Tool(Task):
     model_file = "adroit_hammer.xml"
     horizon = 100
     robot_dim = 26
-    derived_fields = (*Task.derived_fields, "xmat", "geom_xpos", "sensordata")
+    derived_fields = (*AdroitTask.derived_fields, "xmat", "geom_xpos", "sensordata")
     sensors = ("S_nail",)
     object_slides = ("OBJTx", "OBJTy")
 
@@ -95,6 +101,19 @@ class Tool(Task):
         return np.concatenate(
             [hand_and_nail, velocities, palm, hammer, angles, nail, impact], axis=1
         )
+
+    # Expert
+    recipe = RECIPES["tool"]
+
+    # Physics
+    changes = all_changes("tool")
+
+    # Minari
+    placed = (Placed("board_pos", "body", "nail_board", "pos"),)
+
+    def start_values(self, initial: Mapping[str, FloatArray]) -> FloatArray:
+        """Returns the height of the board [m], (1,)."""
+        return initial["board_pos"][2:]
 
 
 class PublishedTool(Tool):

@@ -50,7 +50,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 
 def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns a panel for each task with a line for each method, and intervals if there are any."""
-    tasks = [task for task in TASKS if task in set(table.column)]
+    tasks = ordered(table.column, TASKS)
     drawing, panels = task_panels(tasks, (3.1, 2.2), (0.4, 0.6))
     methods = table.method.drop_duplicates().tolist()
     counts = sorted(table.demos.unique())

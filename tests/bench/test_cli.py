@@ -16,7 +16,7 @@ from bench.results_writer import ResultsWriter
 from bench.study_demos import demos_keys_of
 from reports.exhibits import EXHIBITS
 from reports.write import Report
-from tasks.masses import VARIATIONS, physics_names
+from tasks.masses import VARIATIONS
 from tasks.registry import TASKS, get_task
 
 
@@ -62,7 +62,7 @@ def test_describe_gives_the_facts_of_a_task(bench, task):
     assert len({component["name"] for component in facts["components"]}) == task.layout.state_dim
     assert len(facts["model_hash"]) == 64
     assert list(facts["splits"]) == ["train", "demo", "probe", "test", "ood"]
-    assert tuple(facts["physics"]) == physics_names(task.name)
+    assert tuple(facts["physics"]) == task.physics
 
 
 def test_describe_prints_readable_text(bench, task):

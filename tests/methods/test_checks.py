@@ -12,7 +12,6 @@ import torch
 
 from methods.base import ActionMethod, MotionMethod, NotFittedError
 from methods.checks import DECLARED, RULES, VARIANT_RULES, check, check_variant
-from methods.judging import RuleBrokenError
 from methods.kodex import Kodex
 from methods.ngf import NGF
 from methods.ngf_published import PublishedNGF
@@ -20,6 +19,7 @@ from methods.registry import SUITE, get_method
 from methods.subject import subjects
 from methods.toy import HORIZON, LAYOUT
 from tasks.registry import TASKS, get_task
+from tasks.rule_results import RuleBrokenError
 
 TEMPLATE = files("methods.template") / "NAME.py.txt"
 

@@ -1,14 +1,15 @@
 import numpy as np
 import pytest
 
-from methods.names import RESERVED, check_label, check_method_name, check_new_name
+from methods.names import check_label
 from methods.registry import get_method
 from tasks.errors import InputError
+from tasks.names import RESERVED, check_name, check_new_name
 
 
 @pytest.mark.parametrize("name", ["mine", "bc", "a", "x" * 40, "method_2", "numpy", "match"])
 def test_a_plain_word_is_a_valid_method_name(name):
-    check_method_name(name)
+    check_name("method", name)
 
 
 BAD = {
@@ -35,26 +36,26 @@ BAD = {
 @pytest.mark.parametrize("name", [*BAD.values(), *RESERVED], ids=[*BAD, *RESERVED])
 def test_an_invalid_method_name_is_refused(name):
     with pytest.raises(InputError, match="a method cannot be called") as refused:
-        check_method_name(name)
+        check_name("method", name)
     assert str(refused.value).isprintable()
     assert len(str(refused.value)) < 200
 
 
 def test_a_method_name_in_use_is_refused():
     with pytest.raises(InputError, match="'nn': there is a method"):
-        check_method_name("nn", ["kodex", "nn"])
+        check_name("method", "nn", ["kodex", "nn"])
 
 
 @pytest.mark.parametrize("name", ["numpy", "torch", "pytest"])
 def test_the_name_of_an_installed_module_is_refused_for_a_new_method(name):
     with pytest.raises(InputError, match=f"'{name}': a module of that name is installed"):
-        check_new_name(name, [])
+        check_new_name("method", name, [])
 
 
 def test_the_name_of_a_plain_folder_is_allowed_for_a_new_method(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     monkeypatch.syspath_prepend(str(tmp_path))
-    check_new_name("mine", [])
+    check_new_name("method", "mine", [])
 
 
 @pytest.mark.parametrize("kind", ["size", "variant"])

@@ -9,8 +9,9 @@ import pytest
 
 from bench.runner import Outcome
 from methods import registry
-from methods.registry import SUITE, MethodError, get_method, method_names, unusable
+from methods.registry import SUITE, get_method, method_names, unusable
 from tasks.errors import InputError
+from tasks.packages import PackageError
 
 METHOD = """
 from methods.kodex import Kodex
@@ -63,7 +64,7 @@ def test_a_reserved_name_is_refused_with_its_package(install, bench, name):
         "rename its entry point",
     ):
         assert answer in reason
-    with pytest.raises(MethodError) as refused:
+    with pytest.raises(PackageError) as refused:
         get_method(name)
     assert str(refused.value) == reason
     for command in ("check", "describe"):
@@ -87,7 +88,7 @@ def test_two_packages_with_the_same_method_are_both_named(install):
     install("first", "same = first:Same", first=METHOD.format("Same", "same"))
     install("second", "same = second:Same", second=METHOD.format("Same", "same"))
     assert "same" not in method_names()
-    with pytest.raises(MethodError, match="first and second provide the same method 'same'"):
+    with pytest.raises(PackageError, match="first and second provide the same method 'same'"):
         get_method("same")
 
 
@@ -109,7 +110,7 @@ def test_two_packages_with_the_same_method_are_both_named(install):
 def test_a_failed_import_of_a_method_is_reported_in_one_line(install, bench, text, answer):
     install("evil", "broken = broken:Broken", broken=text)
     with pytest.raises(
-        MethodError, match=rf"'broken' \(broken:Broken\) of evil cannot be imported: {answer};"
+        PackageError, match=rf"'broken' \(broken:Broken\) of evil cannot be imported: {answer};"
     ):
         get_method("broken")
     code, said, error = bench("check", "broken")
@@ -145,7 +146,7 @@ def test_a_failed_import_of_a_method_is_reported_in_one_line(install, bench, tex
 )
 def test_an_entry_point_that_is_not_a_valid_method_is_refused(install, value, text, answer):
     install("evil", f"bad = {value}", bad=text)
-    with pytest.raises(MethodError, match=rf"method 'bad' \({value}\) of evil cannot be {answer}"):
+    with pytest.raises(PackageError, match=rf"method 'bad' \({value}\) of evil cannot be {answer}"):
         get_method("bad")
 
 

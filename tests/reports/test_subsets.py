@@ -21,8 +21,7 @@ from reports.exhibits import EXHIBITS
 from reports.results import Results
 from reports.write import write_report
 from tasks.data import generator
-from tasks.masses import physics_names
-from tasks.registry import TASKS
+from tasks.registry import TASKS, get_task
 
 SUITE = ("expert", "kodex", "nn", "ndp")
 OWN = {
@@ -55,7 +54,7 @@ def rows_of(name):
     controller, sizes, seeds = OWN[name]
     for task in TASKS:
         places = [Evaluation(task, split, controller=controller) for split in ("validation", "ood")]
-        places += [Evaluation(task, "test", p, controller) for p in physics_names(task)]
+        places += [Evaluation(task, "test", p, controller) for p in get_task(task).physics]
         for size in sizes:
             for demos in (10, 200):
                 for seed in seeds:

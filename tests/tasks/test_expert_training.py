@@ -30,7 +30,7 @@ def recipe(task, monkeypatch):
         minibatches=2,
         hidden=(8, 8),
     )
-    monkeypatch.setitem(RECIPES, task.name, small)
+    monkeypatch.setattr(type(task), "recipe", small)
     return small
 
 

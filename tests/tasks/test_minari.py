@@ -10,7 +10,7 @@ import pytest
 
 from tasks.data import Demos, generator
 from tasks.errors import InputError
-from tasks.minari import PLACED, export_demos, import_demos
+from tasks.minari import export_demos, import_demos
 from tasks.simulator import Simulator
 
 COUNT = 3
@@ -254,8 +254,8 @@ def test_a_failed_export_leaves_nothing(short, recorded, tmp_path, monkeypatch):
 def test_a_task_without_a_minari_format_is_refused(
     short, recorded, exported, tmp_path, monkeypatch
 ):
-    monkeypatch.delitem(PLACED, "door")
-    with pytest.raises(InputError, match="no Minari format is known for 'door': choose from tool"):
+    monkeypatch.setattr(type(short), "placed", ())
+    with pytest.raises(InputError, match="no Minari format is known for 'door': its class"):
         export_demos(short, recorded, tmp_path / "new")
     assert not (tmp_path / "new").exists()
     with pytest.raises(InputError, match="no Minari format is known for 'door'"):
@@ -269,4 +269,4 @@ def test_initial_states_have_the_names_of_the_environments(task):
         "relocation": {"obj_pos", "target_pos"},
         "reorientation": {"desired_orien"},
     }
-    assert {placed.name for placed in PLACED[task.name]} == names[task.name]
+    assert {placed.name for placed in task.placed} == names[task.name]

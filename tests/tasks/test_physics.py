@@ -4,7 +4,7 @@ import pytest
 from mujoco.batch import MODEL_FIELDS
 
 from tasks.errors import InputError
-from tasks.masses import CHANGES, PHYSICS, READINGS, physics_names
+from tasks.masses import CHANGES, PHYSICS, READINGS
 from tasks.physics import changed_fields
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator, rollout
@@ -128,7 +128,7 @@ def test_inertia_variations_scale_inertia_with_mass(name, physics):
 def test_variations_leave_the_nominal_model_unchanged(task):
     before = model_bytes(task.model)
     starts = task.sample("test", 3)
-    for physics in physics_names(task.name):
+    for physics in task.physics:
         simulator = Simulator(task, starts, physics)
         simulator.step(np.zeros((3, task.layout.action_dim)))
     assert model_bytes(task.model) == before

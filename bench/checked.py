@@ -1,0 +1,55 @@
+"""The outcome of `bench check` and `bench check-task`, and how it is printed."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from textwrap import fill
+
+from tasks.rule_results import RuleResult
+from tasks.words import count_of
+
+ANOTHER_PROCESS = "survives_another_process"
+PRINTED = 3
+"""Number of lines of output that are kept."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The outcome of a check."""
+
+    results: tuple[RuleResult, ...]
+    printed: tuple[str, ...] = ()
+    """The first lines that the method or task printed."""
+    lines: int = 0
+    """How many lines it printed."""
+
+
+def show(name: str, checked: Checked, asks: Mapping[str, str | None], seconds: float) -> None:
+    """Prints the number of rules that hold, the broken rules, and the rules not tried.
+
+    Args:
+        name: of the method or task.
+        checked: the outcome.
+        asks: by rule, what it asks for.
+        seconds: how long the check took.
+    """
+    import pandas as pd
+
+    results = pd.DataFrame([asdict(result) for result in checked.results])
+    variants = results.variant.nunique()
+    held = results.groupby("rule", sort=False).passed.all()
+    each = f" for each of {variants} variants" if variants > 1 else ""
+    print(f"{name}: {held.sum()} of {len(held)} rules hold{each}, {seconds:.0f} s")
+    broken = results[results.tried & ~results.passed]
+    for (rule, message), rows in broken.groupby(["rule", "message"], sort=False):
+        which = f" ({', '.join(rows.variant)})" if len(rows) < variants else ""
+        print(f"BROKEN {rule}{which}: {message}")
+        if asks.get(rule):
+            print(f"       the rule: {(asks[rule] or '').strip()}")
+    for reason, rows in results[~results.tried].groupby("message", sort=False):
+        print(f"       not tried: {count_of(rows.rule.nunique(), 'rule')} ({reason})")
+    if held.any():
+        print(fill(f"ok     {', '.join(held.index[held])}", width=99, subsequent_indent=" " * 7))
+    if checked.lines:
+        print(f"It printed {count_of(checked.lines, 'line')}; the first are:")
+        for line in checked.printed:
+            print(f"       | {line}")

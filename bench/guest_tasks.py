@@ -1,0 +1,39 @@
+"""Tasks of packages: each is tried in a process of its own before this process imports it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from bench.isolation import apart
+from tasks.errors import InputError
+from tasks.registry import get_task, package_tasks
+
+if TYPE_CHECKING:
+    from tasks.base import Task
+
+
+def known_task(name: str) -> Task:
+    """Returns the task of a name. A package's is first tried elsewhere: it may end the process.
+
+    Raises:
+        InputError: there is no such task, or it cannot be used.
+    """
+    if name in package_tasks():
+        _try(name)
+    return get_task(name)
+
+
+@cache
+def _try(name: str) -> None:
+    try:
+        apart(_use, name)
+    except InputError as error:
+        raise InputError(f"task {name!r} cannot be used: {error}") from error
+
+
+def _use(name: str) -> None:
+    from tasks.simulator import Simulator
+
+    task = get_task(name)
+    Simulator(task, task.sample("test", 1)).state()

@@ -1,0 +1,256 @@
+"""The rules on the episodes of a task, one function per rule. `tasks.checks` runs them.
+
+A rule raises `RuleBrokenError` with the reason.
+"""
+
+import re
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from tasks.base import SPLITS, Task
+from tasks.components import Component
+from tasks.data import FloatArray, IntArray, generator
+from tasks.experts import has_expert, load_expert
+from tasks.observed import COUNT, Seen, Wander, observe, policies, seen
+from tasks.recorder import record
+from tasks.rule_results import RuleBrokenError, require
+from tasks.simulator import Simulator, rollout
+
+STARTS = 200
+"""Number of starts of a split that are drawn."""
+TRIED = 40
+"""Number of starts that the expert tries."""
+COMPLETIONS = 8
+"""Number of random sequences of readings that could follow a decision."""
+TOLERANCE = 1e-9
+"""Largest difference between two ways to compute the same number."""
+_SOURCE = re.compile(r"(qpos|qvel|xpos|body_pos|site_xpos|site_pos|sensordata) (\w+)(?:, ([xyz]))?")
+
+
+def answers(task: Task) -> None:
+    """States, readings, success and failure modes are finite arrays, a row for each episode."""
+    layout, (found, *_) = task.layout, seen(task)
+    _finite("state", found.states, (COUNT, task.horizon, layout.state_dim))
+    _finite("read", found.readings, (COUNT, task.horizon))
+    _finite("watch", found.watched, (COUNT, task.horizon, len(task.watched)))
+    success = task.success(found.after_steps)
+    require(
+        success.shape == (COUNT,) and success.dtype == np.bool_,
+        f"success must return {COUNT} booleans for {COUNT} episodes, got {success.dtype}"
+        f" {success.shape}",
+    )
+    others = task.failed_by(found.after_steps, found.watched[:, 1:])
+    named = len(task.failure_modes) - 1
+    require(
+        len(others) == named and all(one.shape == (COUNT,) for one in others),
+        f"failed_by must return {named} arrays (B,), one for each failure mode but the last",
+    )
+
+
+def starts_in_range(task: Task) -> None:
+    """Every start lies in the range of its split, and none out of distribution in the other's."""
+    for split in SPLITS:
+        starts = task.sample(split, STARTS, 1)
+        task.check_starts(starts)
+        fewer = task.sample(split, STARTS // 4, 1).values
+        require(
+            np.array_equal(fewer, starts.values[: len(fewer)]),
+            f"the first starts of {split} depend on how many are drawn",
+        )
+    inside = task.in_distribution.contains(task.sample("ood", STARTS, 1).values)
+    require(
+        not inside.any(),
+        f"{inside.sum()} of {STARTS} starts out of distribution lie in in_distribution",
+    )
+
+
+def starts_show_in_the_state(task: Task) -> None:
+    """Each number of a start changes the first state: methods see nothing else of a start."""
+    starts = task.sample("test", COUNT, 1)
+    others = task.sample("test", 2 * COUNT, 1).values[COUNT:]
+    first = Simulator(task, starts, threads=1).state()
+    for place, component in enumerate(task.start_components):
+        moved = task.sample("test", COUNT, 1)
+        moved.values[:, place] = others[:, place]
+        same = (Simulator(task, moved, threads=1).state() == first).all(axis=1)
+        require(not same.any(), f"another {component.name} gives the same first state")
+
+
+def same_start_same_episode(task: Task) -> None:
+    """The same actions from the same start give the same bits again."""
+    starts = task.sample("test", COUNT, 1)
+    for make, before in zip(policies(task), seen(task), strict=True):
+        _same(observe(task, starts, make()), before, "a second time")
+
+
+def threads_and_grouping(task: Task) -> None:
+    """Neither threads nor the other episodes of a batch change a bit of an episode."""
+    starts, (before, *_) = task.sample("test", COUNT, 1), seen(task)
+    _same(observe(task, starts, Wander(), threads=3), before, "on three threads")
+    last = np.arange(COUNT)[::-1]
+    _same(observe(task, starts[last], Wander()), _rows(before, last), "in reverse order")
+    for row in (0, COUNT - 1):
+        alone = np.array([row])
+        _same(observe(task, starts[alone], Wander()), _rows(before, alone), "alone")
+
+
+def reading_changes_nothing(task: Task) -> None:
+    """`object_state`, `read`, `watch` and `observe` leave the simulation as it is."""
+    simulator = Simulator(task, task.sample("test", COUNT, 1), threads=1)
+    wander, batch = Wander(), simulator.batch
+    wander.reset(simulator)
+    for step in range(min(5, task.steps)):
+        before = [field.copy() for field in (batch.qpos, batch.qvel, batch.ctrl)]
+        for read in (task.object_state, task.read, task.watch, task.observe):
+            read(batch)
+            after = (batch.qpos, batch.qvel, batch.ctrl)
+            same = all(map(np.array_equal, before, after))
+            require(same, f"{read.__name__} changes positions, velocities or controls")
+        simulator.step(wander.act(simulator, step))
+
+
+def reads_the_present(task: Task) -> None:
+    """States and readings depend on the present positions and velocities alone."""
+    starts = task.sample("test", COUNT, 1)
+    for found in seen(task):
+        for moment in (task.steps, task.steps // 2, 1):
+            simulator = Simulator(task, starts, threads=1)
+            simulator.batch.qpos[:] = found.positions[:, moment]
+            simulator.batch.qvel[:] = found.velocities[:, moment]
+            simulator.refresh()
+            for name, now, then in (
+                ("state", simulator.state(), found.states[:, moment]),
+                ("read", task.read(simulator.batch), found.readings[:, moment]),
+            ):
+                require(
+                    np.array_equal(now, then),
+                    f"{name} differs for the same positions and velocities by"
+                    f" {np.abs(now - then).max():.2g}: it remembers, or reads a field of the"
+                    " simulation that is not in derived_fields or is not kept current",
+                )
+
+
+def components_are_where_they_say(task: Task) -> None:
+    """Numbers of states and readings equal what their `source` names, in a plain simulation."""
+    sources = [*enumerate(task.components), (None, task.reading)]
+    starts = task.sample("test", COUNT, 1)
+    simulator = Simulator(task, starts, threads=1)
+    for found in seen(task):
+        for row, moment in ((0, 0), (1, task.steps // 2), (2, task.steps)):
+            model = simulator.batch.get_model(row)
+            data = mujoco.MjData(model)
+            data.qpos, data.qvel = found.positions[row, moment], found.velocities[row, moment]
+            mujoco.mj_forward(model, data)
+            for place, component in sources:
+                read = found.readings if place is None else found.states[:, :, place]
+                wanted, got = _sourced(component, model, data), float(read[row, moment])
+                require(
+                    wanted is None or abs(wanted - got) <= TOLERANCE,
+                    f"{component.name} is {got:.6g}, but {component.source!r} is {wanted:.6g}",
+                )
+
+
+def success_judges_each_episode(task: Task) -> None:
+    """Success of an episode depends on its own readings alone, and does not change them."""
+    readings = np.concatenate([found.after_steps for found in seen(task)])
+    kept, together = readings.copy(), task.success(readings)
+    alone = np.concatenate([task.success(row[None]) for row in readings])
+    require(np.array_equal(together, alone), "success of an episode depends on the others")
+    require(np.array_equal(kept, readings), "success writes to the readings")
+
+
+def decided_is_final(task: Task) -> None:
+    """Once `decided`, no further reading changes success; nor does it that the episode ends."""
+    starts = task.sample("test", COUNT, 1)
+    for make, found in zip(policies(task), seen(task), strict=True):
+        early = rollout(task, starts, make(), chunk=COUNT, threads=1)
+        require(
+            np.array_equal(early.success, found.success),
+            "an episode that ends once decided has another success than the whole one",
+        )
+    for readings in _possible_readings(task):
+        for count in range(1, task.steps):
+            decided = task.decided(readings[:, :count], task.steps - count)
+            rest = np.full((len(readings), task.steps - count), np.nan)
+            ended = task.success(np.concatenate([readings[:, :count], rest], axis=1))
+            differ = decided & (ended != task.success(readings))
+            require(
+                not differ.any(),
+                f"decided says after {count} of {task.steps} steps that success is final, but the"
+                " readings that follow change it",
+            )
+
+
+def expert_demonstrates(task: Task) -> None:
+    """The expert, if there is one, succeeds from at least one start in ten."""
+    if has_expert(task):
+        success, _ = record(
+            task, task.sample("demo", TRIED, 1), load_expert(task).policy, threads=1
+        )
+        require(
+            10 * success.sum() >= TRIED,
+            f"the expert succeeds from {success.sum()} of {TRIED} starts, fewer than one in ten",
+        )
+
+
+def _finite(name: str, array: FloatArray, shape: tuple[int, ...]) -> None:
+    require(
+        array.shape == shape,
+        f"{name} gives {array.shape[2:] or 'one number'} an episode, not {shape[2:] or 'one'}",
+    )
+    require(np.isfinite(array).all(), f"{name} gives numbers that are not finite")
+
+
+def _same(now: Seen, before: Seen, when: str) -> None:
+    """Raises RuleBrokenError with the first part in which episodes differ."""
+    for name, value in vars(before).items():
+        if not np.array_equal(getattr(now, name), value, equal_nan=True):
+            raise RuleBrokenError(f"{when}, the {name} of the same episodes are others")
+
+
+def _rows(found: Seen, rows: IntArray) -> Seen:
+    return Seen(*(value[rows] for value in vars(found).values()))
+
+
+def _sourced(component: Component, model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
+    """The number that a source names; None if it is not the plain name of one."""
+    match = _SOURCE.fullmatch(component.source)
+    if not match:
+        return None
+    field, name, axis = match.groups()
+    try:
+        if field in ("qpos", "qvel"):
+            found = getattr(data.joint(name), field)
+        elif field == "sensordata":
+            found = data.sensor(name).data
+        elif field == "xpos":
+            found = data.body(name).xpos
+        elif field == "site_xpos":
+            found = data.site(name).xpos
+        else:
+            found = (model.body(name) if field == "body_pos" else model.site(name)).pos
+    except KeyError as error:
+        raise RuleBrokenError(
+            f"{component.name}: {component.source!r} is not in the model"
+        ) from error
+    if len(found) == 1:
+        return float(found[0])
+    axis = axis or component.name[-1]
+    return float(found["xyz".index(axis)]) if axis in "xyz" else None
+
+
+def _possible_readings(task: Task) -> Iterator[FloatArray]:
+    """Yields the readings (B, T-1) of observed episodes, and others of the same size."""
+    for found in seen(task):
+        readings = found.after_steps
+        yield readings
+        low, high = readings.min(), readings.max()
+        ends = np.array([low - 1.0, low, 0.0, high, high + 1.0])
+        for number in range(COMPLETIONS):
+            rng = generator("readings", task.name, number)
+            runs = np.repeat(rng.choice(ends, readings.shape), 1 + number, axis=1)
+            yield np.where(rng.random((len(readings), 1)) < 0.5, runs[:, : task.steps], readings)
+            begun = np.arange(task.steps) < rng.integers(1, task.steps)
+            yield np.where(begun, readings, rng.choice(ends, (len(readings), 1)))
