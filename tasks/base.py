@@ -63,7 +63,7 @@ class Task(ABC):
     version: ClassVar[int] = 1
     """Raise it when the same actions lead to other states or another success."""
     model_file: ClassVar[str]
-    """Name of the XML file of the model, in the folder of the class's file."""
+    """Name of the XML file of the model, in the folder of the file of the class that names it."""
     horizon: ClassVar[int]
     """T, number of states in an episode (appendix B)."""
     robot_dim: ClassVar[int]
@@ -87,7 +87,8 @@ class Task(ABC):
         Raises:
             InputError: the file does not exist.
         """
-        path = Path(inspect.getfile(type(self))).parent / self.model_file
+        names_it = next(kind for kind in type(self).mro() if "model_file" in vars(kind))
+        path = Path(inspect.getfile(names_it)).parent / self.model_file
         if not path.is_file():
             raise InputError(f"the model of {self.name} is not there: {path} does not exist")
         return path

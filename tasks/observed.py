@@ -32,6 +32,8 @@ class Seen:
     """(B, T) of the success rule."""
     watched: FloatArray
     """(B, T, W)"""
+    actions: FloatArray
+    """(B, T-1, A)"""
     success: BoolArray
     """(B,)"""
     diverged: BoolArray
@@ -64,6 +66,7 @@ class Observer:
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
         self._notes: list[tuple[FloatArray, ...]] = []
+        self._actions: list[FloatArray] = []
 
     def reset(self, simulator: Simulator) -> None:
         """Notes the first moment."""
@@ -73,7 +76,8 @@ class Observer:
     def act(self, simulator: Simulator, step: int) -> FloatArray:
         """Notes the moment, and acts."""
         self._note()
-        return self._policy.act(simulator, step)
+        self._actions.append(self._policy.act(simulator, step))
+        return self._actions[-1]
 
     def _note(self) -> None:
         simulator, batch = self._simulator, self._simulator.batch
@@ -84,8 +88,11 @@ class Observer:
     def finish(self, success: BoolArray, diverged: BoolArray) -> Seen:
         """Notes the last moment, and returns what was seen."""
         self._note()
-        parts = [np.stack(part, axis=1) for part in zip(*self._notes, strict=True)]
-        return Seen(*parts, success, diverged)
+        positions, velocities, states, readings, watched = (
+            np.stack(part, axis=1) for part in zip(*self._notes, strict=True)
+        )
+        actions = np.stack(self._actions, axis=1)
+        return Seen(positions, velocities, states, readings, watched, actions, success, diverged)
 
 
 def observe(task: Task, starts: Starts, policy: Policy, threads: int = 1) -> Seen:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from tasks.arrays import Replay
 from tasks.base import SPLITS, Task
 from tasks.components import Component
 from tasks.data import FloatArray, IntArray, generator
@@ -31,16 +32,22 @@ _SOURCE = re.compile(r"(qpos|qvel|xpos|body_pos|site_xpos|site_pos|sensordata) (
 
 def answers(task: Task) -> None:
     """States, readings, success and failure modes are finite arrays, a row for each episode."""
-    layout, (found, *_) = task.layout, seen(task)
-    _finite("state", found.states, (COUNT, task.horizon, layout.state_dim))
-    _finite("read", found.readings, (COUNT, task.horizon))
-    _finite("watch", found.watched, (COUNT, task.horizon, len(task.watched)))
-    success = task.success(found.after_steps)
+    simulator = Simulator(task, task.sample("test", COUNT, 1), threads=1)
+    for name, array, *width in (
+        ("state", simulator.state(), task.layout.state_dim),
+        ("read", task.read(simulator.batch)),
+        ("watch", task.watch(simulator.batch), len(task.watched)),
+    ):
+        wanted = (COUNT, *width)
+        require(array.shape == wanted, f"{name} returns {array.shape} numbers, not {wanted}")
+        require(np.isfinite(array).all(), f"{name} returns numbers that are not finite")
+    success = task.success(np.zeros((COUNT, task.steps)))
     require(
         success.shape == (COUNT,) and success.dtype == np.bool_,
         f"success must return {COUNT} booleans for {COUNT} episodes, got {success.dtype}"
         f" {success.shape}",
     )
+    found = seen(task)[0]
     others = task.failed_by(found.after_steps, found.watched[:, 1:])
     named = len(task.failure_modes) - 1
     require(
@@ -87,13 +94,12 @@ def same_start_same_episode(task: Task) -> None:
 
 def threads_and_grouping(task: Task) -> None:
     """Neither threads nor the other episodes of a batch change a bit of an episode."""
-    starts, (before, *_) = task.sample("test", COUNT, 1), seen(task)
-    _same(observe(task, starts, Wander(), threads=3), before, "on three threads")
-    last = np.arange(COUNT)[::-1]
-    _same(observe(task, starts[last], Wander()), _rows(before, last), "in reverse order")
-    for row in (0, COUNT - 1):
-        alone = np.array([row])
-        _same(observe(task, starts[alone], Wander()), _rows(before, alone), "alone")
+    starts, last, alone = task.sample("test", COUNT, 1), np.arange(COUNT)[::-1], np.array([1])
+    for before in seen(task):
+        again = Replay(before.actions)
+        _same(observe(task, starts, again, threads=3), before, "on three threads")
+        _same(observe(task, starts[last], again), _rows(before, last), "in reverse order")
+        _same(observe(task, starts[alone], again), _rows(before, alone), "alone")
 
 
 def reading_changes_nothing(task: Task) -> None:
@@ -103,11 +109,11 @@ def reading_changes_nothing(task: Task) -> None:
     wander.reset(simulator)
     for step in range(min(5, task.steps)):
         before = [field.copy() for field in (batch.qpos, batch.qvel, batch.ctrl)]
-        for read in (task.object_state, task.read, task.watch, task.observe):
-            read(batch)
+        for name in ("object_state", "read", "watch", "observe"):
+            getattr(task, name)(batch)
             after = (batch.qpos, batch.qvel, batch.ctrl)
             same = all(map(np.array_equal, before, after))
-            require(same, f"{read.__name__} changes positions, velocities or controls")
+            require(same, f"{name} changes positions, velocities or controls")
         simulator.step(wander.act(simulator, step))
 
 
@@ -195,19 +201,11 @@ def expert_demonstrates(task: Task) -> None:
         )
 
 
-def _finite(name: str, array: FloatArray, shape: tuple[int, ...]) -> None:
-    require(
-        array.shape == shape,
-        f"{name} gives {array.shape[2:] or 'one number'} an episode, not {shape[2:] or 'one'}",
-    )
-    require(np.isfinite(array).all(), f"{name} gives numbers that are not finite")
-
-
 def _same(now: Seen, before: Seen, when: str) -> None:
     """Raises RuleBrokenError with the first part in which episodes differ."""
     for name, value in vars(before).items():
         if not np.array_equal(getattr(now, name), value, equal_nan=True):
-            raise RuleBrokenError(f"{when}, the {name} of the same episodes are others")
+            raise RuleBrokenError(f"the {name} of the same episodes differ {when}")
 
 
 def _rows(found: Seen, rows: IntArray) -> Seen:

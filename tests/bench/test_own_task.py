@@ -1,0 +1,246 @@
+"""A task of a package: from `bench new-task` to a film, what it may lack, and faulty ones."""
+
+import importlib
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bench import guest_tasks
+from bench.backend import Workers
+from bench.new_package import write_package
+from bench.presets import PRESETS
+from bench.renderer import renderer
+from bench.results import Results
+from bench.studies import study_of
+from tasks import registry
+from tasks.checks import RULES
+from tasks.errors import InputError
+from tasks.packages import PackageError
+from tasks.registry import TASKS, get_task, task_names, unusable_tasks
+
+PAGE = (Path(__file__).parents[2] / "docs/add_a_task.md").read_text()
+BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n\n)?```(\w*)\n(.*?)```", re.DOTALL)
+PIP = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A folder of installed packages; runs of a single job are in this process."""
+
+    def in_this_process(jobs, backend="loky", *options):
+        return Workers(jobs, "sequential", *options)
+
+    monkeypatch.setattr("bench.backend.Workers", in_this_process)
+    monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("BENCH_JOBS", "1")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    known = set(sys.modules)
+    yield tmp_path / "site"
+    forget()
+    for name in {"press", "mine"} & (set(sys.modules) - known):
+        del sys.modules[name]
+
+
+def forget():
+    """Makes this process read the installed packages anew."""
+    importlib.invalidate_caches()
+    registry._of_package.cache_clear()
+    guest_tasks._try.cache_clear()
+
+
+@pytest.fixture
+def install(site):
+    """Installs the task `mine`, derived from the one that `bench new-task` writes, without pip."""
+
+    def write(body="    pass\n", value="mine:Mine", name="mine", before=""):
+        write_package("tasks.template", "press", site / "source")
+        shutil.copytree(site / "source/press", site / "press")
+        noted = site / "mine-1.0.dist-info"
+        noted.mkdir()
+        (noted / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+        (noted / "entry_points.txt").write_text(f"[bench.tasks]\n{name} = {value}\n")
+        head = f'{before}\nfrom press import Press\n\nclass Mine(Press):\n    name = "{name}"\n'
+        (site / "mine.py").write_text(head + body)
+        forget()
+
+    return write
+
+
+@pytest.fixture
+def follow(site, bench):
+    """Runs a shell line of the page; returns what it prints."""
+
+    def run(line):
+        program, *words = shlex.split(line)
+        if program == "pip":
+            copy = shutil.copytree(words[-1], site.parent / "packages" / words[-1])
+            subprocess.run([*PIP, "--target", str(site), str(copy)], check=True)
+            forget()
+            return ""
+        code, said, error = bench(*words)
+        assert code == 0, said + error
+        return said
+
+    return run
+
+
+def test_the_page_on_tasks_runs_from_new_task_to_a_film(follow, monkeypatch):
+    monkeypatch.setattr("reports.video.STILL", 1)
+    monkeypatch.setattr("reports.video.SIZE", 64)
+    printed = ""
+    for file, language, code in BLOCK.findall(PAGE):
+        if file:
+            Path(file).write_text(code)
+        elif language == "sh":
+            for line in code.splitlines():
+                if not line.startswith("bench video") or renderer():
+                    printed += follow(line)
+        elif language == "python":
+            written = {}
+            exec(compile(code, "add_a_task.md", "exec"), written)
+            if "Quick" in written:
+                for rule in RULES:
+                    RULES[rule](written["Quick"])
+            else:
+                written["test_it_keeps_the_contract"]("declared")
+        else:
+            shown = code.splitlines()
+    first, *others = (line for line in shown)
+    assert first.split(",")[0] in printed
+    assert all(line in printed for line in others)
+    table = Results(Path("results/press")).frame()
+    assert set(table.method) == {"kodex", "nearest", "expert"}
+    assert set(table.task) == {"press"}
+    expert = table[table.method == "expert"]
+    assert (expert.successes == expert.episodes).all()
+    assert Path("results/press/report/index.html").exists()
+    assert [*Path("results/press/videos").iterdir()] or not renderer()
+    mine = Results(Path("results/mine")).frame()
+    assert mine[mine.method == "nearest"].demos_key.nunique() == 1
+
+
+def test_the_page_on_tasks_lists_every_rule():
+    listed = re.findall(r"^\| `(\w+)` \|", PAGE.split("## The rules")[1], re.M)
+    assert listed == [*RULES, "survives_another_process"]
+
+
+def test_a_task_of_a_package_joins_only_when_it_is_named(install):
+    install()
+    assert task_names() == [*TASKS, "mine"]
+    assert {task for preset in PRESETS.values() for task in preset.tasks} == set(TASKS)
+    assert study_of("smoke", tasks="mine").tasks == ("mine",)
+
+
+def test_check_task_names_the_broken_rule_and_what_it_asks(install, bench):
+    install("    def place(self, batch, values):\n        pass\n")
+    code, said, _ = bench("check-task", "mine")
+    assert code == 3
+    assert said.startswith("mine: 14 of 15 rules hold, ")
+    assert "BROKEN starts_show_in_the_state: another button_x gives the same first state" in said
+    assert "the rule: Each number of a start changes the first state" in said
+
+
+def test_check_task_reports_a_process_that_ends(install, bench):
+    install("    def place(self, batch, values):\n        import os\n        os._exit(4)\n")
+    code, said, _ = bench("check-task", "mine")
+    assert code == 3
+    assert "BROKEN ends: its process ended with exit code 4" in said
+
+
+NO_EXPERT = "    def expert(self):\n        return None\n"
+
+
+def test_a_task_without_an_expert_asks_for_demonstrations(install, bench):
+    install(NO_EXPERT)
+    code, _, error = bench("run", "smoke", "--tasks", "mine", "--out", "out")
+    assert code == 2
+    assert "task 'mine' has no expert: give demonstrations with --demos FILE" in error
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("run", "paper", "--experiments", "robustness"), "'mine' defines no `changes`: leave out"),
+        (("run", "beyond", "--experiments", "closed_loop"), "'mine' defines no `changes`"),
+        (("expert", "train"), "no expert of 'mine' can be trained: its class defines no `recipe`"),
+        (("demos", "export"), "no Minari format is known for 'mine': its class defines no"),
+    ],
+)
+def test_what_needs_an_optional_part_says_that_it_is_missing(install, bench, words, reason):
+    install()
+    if words[0] == "run":
+        words = (*words, "--tasks", "mine", "--methods", "kodex", "--out", "out")
+    else:
+        words = (*words, "mine", *(("set",) if words[0] == "demos" else ()))
+    code, _, error = bench(*words)
+    assert code == 2
+    assert reason in error
+
+
+@pytest.mark.parametrize("name", ["door", "expert", "random"])
+def test_a_package_cannot_take_a_name_that_is_in_use(install, bench, name):
+    install(name=name)
+    assert task_names() == list(TASKS)
+    assert "mine provides a task" in unusable_tasks()[name]
+    rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
+    assert rows[f"task {name!r}"]["found"] == "unusable"
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"value": "mine:other"}, "cannot be imported: AttributeError"),
+        ({"value": "mine:Press.name"}, "it must be a subclass of tasks.base.Task, got a str"),
+        ({"body": "    name = 'yours'\n"}, "the class must have the name 'mine'"),
+        ({"before": "raise SystemExit(3)"}, "cannot be imported: SystemExit: 3"),
+        ({"body": "    read = property()\n    from abc import abstractmethod\n"
+          "    @abstractmethod\n    def more(self): ...\n"}, "the class lacks more"),
+    ],
+)  # fmt: skip
+def test_a_class_that_is_no_task_is_refused_with_the_reason(install, bench, change, reason):
+    install(**change)
+    with pytest.raises(PackageError, match=reason):
+        get_task("mine")
+    code, _, error = bench("run", "smoke", "--tasks", "mine", "--out", "out")
+    assert code == 2
+    assert re.search(reason, error)
+
+
+def test_a_package_that_ends_the_process_on_import_ends_no_command(install, bench):
+    install(before="import os\nos._exit(5)")
+    code, _, error = bench("run", "smoke", "--tasks", "mine", "--out", "out")
+    assert code == 2
+    assert "task 'mine' cannot be used: its process ended with exit code 5" in error
+
+
+def test_a_task_chooses_sizes_of_methods(install):
+    from bench.selection import used_size
+    from methods.registry import get_method
+
+    install("    default_sizes = {'nn': 'median'}\n")
+    study = study_of("paper", tasks="mine")
+    assert used_size(study, get_method("nn"), "mine", {}) == "median"
+    assert used_size(study, get_method("lstm"), "mine", {}) == "small"
+
+
+@pytest.mark.parametrize("name", ["Mine", "door", "kodex", "smoke", "random", "numpy"])
+def test_new_task_refuses_unusable_names(bench, tmp_path, name):
+    code, _, error = bench("new-task", name, "--folder", str(tmp_path))
+    assert code == 2
+    assert f"a task cannot be called {name!r}" in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_task_is_refused_with_the_nearest_name(bench):
+    with pytest.raises(InputError, match="did you mean 'relocation'"):
+        get_task("relocate")
+    assert bench("check-task", "dor")[0] == 2
