@@ -3,6 +3,7 @@
 import importlib
 import sys
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from tasks.components import Component, Range
 from tasks.masses import Change
 from tasks.registry import get_task
 from tasks.rule_results import RuleBrokenError
+
+EXAMPLES = Path(__file__).parents[2] / "docs/examples"
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +42,18 @@ def test_a_task_of_the_suite_keeps_each_rule(rule):
     RULES[rule](type(get_task("door")))
 
 
-def test_a_task_whose_episodes_end_early_keeps_the_rules_on_success():
-    for rule in ("success_judges_each_episode", "decided_is_final"):
+def test_a_task_whose_episodes_end_early_keeps_the_rules_on_numbers_and_success():
+    names = ("components_are_where_they_say", "success_judges_each_episode", "decided_is_final")
+    for rule in names:
         RULES[rule](type(get_task("relocation")))
+
+
+@pytest.mark.parametrize(
+    "rule", ["declared", "components_are_where_they_say", "actuators_are_those_of_the_file"]
+)
+def test_the_example_on_the_shadow_hand_keeps_the_rules_on_its_model(rule, monkeypatch):
+    monkeypatch.syspath_prepend(str(EXAMPLES / "shadow"))
+    RULES[rule](importlib.import_module("shadow").Shadow)
 
 
 def beyond(self, split, n, seed=0):
