@@ -185,7 +185,7 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
     data = mujoco.MjData(take.model)
     data.qpos = take.positions[step]
     mujoco.mj_forward(take.model, data)
-    renderer.update_scene(data, _camera(take))
+    renderer.update_scene(data, _camera(take.task.name, take.model))
     for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
         renderer.scene.flags[effect] = 0
     if take.planned is not None:
@@ -200,14 +200,14 @@ def _picture(take: Take, renderer: mujoco.Renderer, shade: str, step: int, ended
     return np.asarray(picture)
 
 
-def _camera(take: Take) -> mujoco.MjvCamera:
+def _camera(task: str, model: mujoco.MjModel) -> mujoco.MjvCamera:
     """Returns a camera on the left behind the arm, above the table; or that of the model."""
     camera = mujoco.MjvCamera()
-    if take.task.name in VIEWS:
-        camera.lookat[:], camera.distance, camera.azimuth = VIEWS[take.task.name]
+    if task in VIEWS:
+        camera.lookat[:], camera.distance, camera.azimuth = VIEWS[task]
         camera.elevation = -35.0
     else:
-        mujoco.mjv_defaultFreeCamera(take.model, camera)
+        mujoco.mjv_defaultFreeCamera(model, camera)
     return camera
 
 

@@ -78,7 +78,7 @@ def on_screen(task, model, positions, bodies):
     mujoco.mj_forward(model, data)
     scene, option = mujoco.MjvScene(model, 2000), mujoco.MjvOption()
     every = mujoco.mjtCatBit.mjCAT_ALL
-    mujoco.mjv_updateScene(model, data, option, None, _camera(task.name), every, scene)
+    mujoco.mjv_updateScene(model, data, option, None, _camera(task.name, model), every, scene)
     eye = scene.camera[0]
     seen = data.xpos[bodies] - eye.pos
     right = np.cross(eye.forward, eye.up)
