@@ -27,7 +27,7 @@ SHORT = ControllerConfig(epochs=2)
 @pytest.fixture
 def study(monkeypatch):
     """KODex with original and fine-tuned controllers in one changed physics, two seeds."""
-    monkeypatch.setattr("bench.experiments.VARIATIONS", ("heavy_hand",))
+    monkeypatch.setattr("tasks.adroit.VARIATIONS", ("heavy_hand",))
     monkeypatch.setattr("bench.experiments.READINGS", {"door": ()})
     return replace(
         get_preset("smoke"),

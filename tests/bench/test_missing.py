@@ -23,7 +23,7 @@ LOSSES = ("nothing", "removed", "damaged", "shortened")
 @pytest.fixture
 def study(smoke, monkeypatch):
     """Two seeds of NN at one size, KODex and the expert, in one changed physics."""
-    monkeypatch.setattr("bench.experiments.VARIATIONS", ("heavy_hand",))
+    monkeypatch.setattr("tasks.adroit.VARIATIONS", ("heavy_hand",))
     monkeypatch.setattr("bench.experiments.READINGS", {"door": ()})
     return replace(
         get_preset("smoke"),

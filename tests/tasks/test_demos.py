@@ -40,10 +40,9 @@ def test_weights_that_do_not_match_their_card_are_refused(task, shipped, tmp_pat
         experts.load_expert(task)
 
 
-def test_a_task_without_an_expert_lists_the_shipped_experts(task, tmp_path, monkeypatch):
+def test_a_task_without_an_expert_says_how_to_give_demonstrations(task, tmp_path, monkeypatch):
     monkeypatch.setattr(experts, "SHIPPED", tmp_path)
-    (tmp_path / "other.json").touch()
-    with pytest.raises(InputError, match=f"task '{task.name}'; shipped are: other"):
+    with pytest.raises(InputError, match=f"'{task.name}' has no expert: .*bench demos record"):
         experts.load_expert(task)
 
 
