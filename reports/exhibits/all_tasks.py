@@ -1,4 +1,4 @@
-"""Success over all tasks together."""
+"""Success over all tasks of the paper together."""
 
 import numpy as np
 import pandas as pd
@@ -43,7 +43,11 @@ def table(results: Results) -> pd.DataFrame:
 
 
 def of_all_tasks(found: pd.DataFrame) -> pd.DataFrame:
-    """Returns the evaluations of methods with results on every task, on common seeds and starts."""
+    """Returns the evaluations of methods with results on all tasks of the paper, and only those.
+
+    They are on common seeds and starts. Tasks of packages do not count.
+    """
+    found = found[found.task.isin(TASKS)]
     tasks = found.groupby("method").task.transform("nunique")
     return keep_common(found[tasks == len(TASKS)], ["method", "task"], within=[])
 

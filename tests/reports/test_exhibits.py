@@ -159,6 +159,13 @@ def test_methods_beyond_the_paper_are_compared_with_one_controller(results):
         assert set(seeds) == {2}, name
 
 
+def test_a_task_of_a_package_leaves_success_over_all_tasks_as_it_is(results):
+    more, table = MadeUp(), BY_NAME["all_tasks"].table
+    press = results.frame[results.frame.task == "door"].assign(task="press")
+    more.frame = pd.concat([results.frame, press], ignore_index=True)
+    pd.testing.assert_frame_equal(table(more), table(results))
+
+
 def test_intervals_contain_the_value_and_spreads_are_over_seeds(results):
     table = BY_NAME["success"].table(results)
     assert ((table.low <= table.value) & (table.value <= table.high)).all()
