@@ -24,11 +24,14 @@ app = typer.Typer(
 @app.command()
 def train(
     task: TaskName,
+    seed: Annotated[
+        int, number(1, "Seed of weights, starts and noise. The same seed gives the same expert.")
+    ] = 1,
     folder: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the training run. Default: experts/TASK in the cache (BENCH_CACHE, else"
-            " ~/.cache/kodex-bench)."
+            help="Folder of the training run. Default: experts/TASK-SEED in the cache (BENCH_CACHE,"
+            " else ~/.cache/kodex-bench)."
         ),
     ] = None,
     threads: Annotated[int, number(1, "Threads of the simulator.")] = 2,
@@ -41,7 +44,7 @@ def train(
 
     chosen = known_task(task)
     steps = recipe_of(chosen).steps
-    folder = writable_folder(folder) if folder else writable_cache(f"experts/{task}")
+    folder = writable_folder(folder) if folder else writable_cache(f"experts/{task}-{seed}")
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         bar = progress.add_task(task, total=steps)
@@ -52,7 +55,7 @@ def train(
             if not progress.console.is_terminal:
                 print(f"{task}: {shown}, {row['seconds']:.0f} s", flush=True)
 
-        train_expert(chosen, folder, report, threads)
+        train_expert(chosen, folder, report, seed, threads)
     print(f"wrote {write_expert(chosen, folder)}")
 
 

@@ -1,5 +1,6 @@
 """Checkpoints of expert training: the policy, its optimiser and the normalisation (needs torch)."""
 
+import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,18 +25,26 @@ Tensors = dict[str, torch.Tensor]
 
 @dataclass(frozen=True)
 class Counters:
-    """How far a training run has come."""
+    """What a training run is of, and how far it has come."""
 
-    steps: int = 0
+    task: str
+    seed: int
+    recipe: dict[str, Any]
+    steps: int
     """Control steps of all episodes together."""
-    seconds: float = 0.0
-    first: int = 0
+    seconds: float
+    first: int
     """Index of the next start of the split ``train``."""
 
 
 def checkpoint_path(folder: Path) -> Path:
     """Returns where the training run in a folder keeps its checkpoint."""
     return folder / _FILE
+
+
+def log_path(folder: Path) -> Path:
+    """Returns where the training run in a folder keeps its log, a JSON object a line."""
+    return folder / "log.jsonl"
 
 
 def write_checkpoint(folder: Path, model: Any, env: Any, counters: Counters) -> None:
@@ -53,9 +62,11 @@ def write_checkpoint(folder: Path, model: Any, env: Any, counters: Counters) -> 
     for name, attribute in _STATISTICS.items():
         rms = getattr(env, attribute)
         parts = {"mean": rms.mean, "var": rms.var, "count": rms.count}
-        tensors |= {f"{name}.{key}": torch.as_tensor(value) for key, value in parts.items()}
+        tensors |= {
+            f"{name}.{key}": torch.as_tensor(np.asarray(part)) for key, part in parts.items()
+        }
     tensors = {key: value.contiguous() for key, value in tensors.items()}
-    metadata = {key: str(value) for key, value in asdict(counters).items()}
+    metadata = {key: json.dumps(value) for key, value in asdict(counters).items()}
     with whole_file(checkpoint_path(folder)) as file:
         save_file(tensors, file, metadata)
 
@@ -71,8 +82,7 @@ def read_checkpoint(folder: Path) -> tuple[Tensors, Counters]:
         reason = f"it holds no {path.name}" if folder.exists() else "it does not exist"
         raise InputError(f"{folder} is not a folder of `bench expert train`: {reason}")
     with safe_open(path, "pt") as file:
-        found = file.metadata()
-        counters = Counters(int(found["steps"]), float(found["seconds"]), int(found["first"]))
+        counters = Counters(**{key: json.loads(text) for key, text in file.metadata().items()})
         names = file.keys()
         return {name: file.get_tensor(name) for name in names}, counters
 

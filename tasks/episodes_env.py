@@ -16,10 +16,10 @@ from tasks.simulator import Simulator
 class EpisodesEnv(VecEnv):
     """A block of episodes that begin and end together, each block at new starts of ``train``."""
 
-    def __init__(self, task: Task, recipe: Recipe, threads: int) -> None:
-        self.task, self.recipe, self.threads = task, recipe, threads
+    def __init__(self, task: Task, recipe: Recipe, seed: int, threads: int) -> None:
+        self.task, self.recipe, self.seed, self.threads = task, recipe, seed, threads
         self.first = 0
-        """Index of the next block's first start."""
+        """Index of the block's first start."""
         self.calm = 0.0
         """Current weight of the recipe's penalties, from 0 to 1."""
         self.offset = 0.0
@@ -35,7 +35,7 @@ class EpisodesEnv(VecEnv):
         super().__init__(recipe.episodes, spaces.Box(-np.inf, np.inf, (width,)), limits)
 
     def reset(self) -> FloatArray:
-        """Starts a new block of episodes and returns its observations, (B, I)."""
+        """Begins the block's episodes anew and returns their observations, (B, I)."""
         self._begin()
         return self._observe()
 
@@ -55,18 +55,19 @@ class EpisodesEnv(VecEnv):
         if ended:
             self.success = float(self.task.success(np.stack(self._readings, axis=1)).mean())
             self.earned = float(np.mean(self._rewards))
+            self.first += self.num_envs
             self._begin()
         ends = np.full(self.num_envs, ended)
         return self._observe(), rewards, ends, [{} for _ in range(self.num_envs)]
 
     def _begin(self) -> None:
-        starts = self.task.sample("train", self.first + self.recipe.episodes)[self.first :]
-        self.first += self.recipe.episodes
+        last = self.first + self.recipe.episodes
+        starts = self.task.sample("train", last, self.seed)[self.first :]
         self.simulator = Simulator(self.task, starts, threads=self.threads)
         self._readings: list[FloatArray] = []
         self._rewards: list[FloatArray] = []
         self._previous = None
-        rng = generator("error of the actions", self.task.name, self.first)
+        rng = generator("error of the actions", self.task.name, self.seed, self.first)
         self._error = rng.standard_normal((self.recipe.episodes, self.task.layout.action_dim))
 
     def _observe(self) -> FloatArray:

@@ -9,7 +9,6 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,9 @@ import torch
 from filelock import FileLock, Timeout
 from safetensors.numpy import load, save
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
-from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.utils import FloatSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
 from tasks.base import Task
@@ -31,6 +29,7 @@ from tasks.checkpoints import (
     Counters,
     checkpoint_path,
     expert_weights,
+    log_path,
     read_checkpoint,
     restore,
     write_checkpoint,
@@ -40,61 +39,130 @@ from tasks.episodes_env import EpisodesEnv
 from tasks.errors import InputError
 from tasks.experts import CLIP, Expert, evaluate
 from tasks.files import whole_file
+from tasks.pins import mark
 from tasks.recipes import Recipe, recipe_of
 
 CARD_EPISODES = 10_000
 """Episodes of each split on which the card's success is measured."""
+HISTORY = 50
+"""Lines of the log that a card keeps."""
 
 Report = Callable[[dict[str, float]], None]
 
 
-def train(task: Task, folder: Path, report: Report, threads: int = 2) -> Path:
+def train(task: Task, folder: Path, report: Report, seed: int = 1, threads: int = 2) -> Path:
     """Trains the expert of a task, or resumes its training; returns the path of the checkpoint.
+
+    The same seed gives the same bytes, whatever the number of threads and of interruptions.
 
     Args:
         task: the task.
         folder: holds the checkpoint and the log.
         report: called after each iteration with its line of the log.
-        threads: number of threads of the simulator and of torch.
+        seed: of the initial weights, the starts, the noise and the order of minibatches.
+        threads: number of threads of the simulator.
 
     Raises:
-        InputError: another process trains in the folder.
+        InputError: the task has no recipe, another process trains in the folder, or the folder
+            holds a training of another task, seed or recipe.
     """
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
-            _train(task, folder, report, threads)
+            Training(task, folder, seed, threads).run(report)
     except Timeout as error:
         raise InputError(f"another training is writing to {folder}: wait for it") from error
     return checkpoint_path(folder)
 
 
-def _train(task: Task, folder: Path, report: Report, threads: int) -> None:
-    recipe = recipe_of(task)
-    torch.set_num_threads(threads)
-    episodes = EpisodesEnv(task, recipe, threads)
-    env = VecNormalize(episodes, gamma=recipe.discount, clip_obs=CLIP, epsilon=EPSILON)
-    _seed(task, 0)
-    model = make_model(env, recipe)
-    iterations = Iterations(episodes, folder, recipe, report)
-    if checkpoint_path(folder).exists():
-        iterations.resume(model, env)
-        _seed(task, model.num_timesteps)
-    remaining = recipe.steps - model.num_timesteps
-    if remaining > 0:
-        model.learn(remaining, callback=iterations, reset_num_timesteps=model.num_timesteps == 0)
+class Training:
+    """A training run, which continues from the checkpoint in its folder.
 
+    Each iteration begins as one after an interruption does: with a new block of episodes, and
+    with the global random streams, which stable-baselines3 uses, seeded by the steps done.
+    """
 
-def _seed(task: Task, steps: int) -> None:
-    """Seeds the global random streams, which stable-baselines3 uses, anew for each resumption."""
-    set_random_seed(int(generator("expert", task.name, steps).integers(2**31)))
+    def __init__(self, task: Task, folder: Path, seed: int, threads: int) -> None:
+        self.task, self.folder, self.seed, self.recipe = task, folder, seed, recipe_of(task)
+        torch.set_num_threads(1)  # more threads would add in another order, and gain little
+        self.episodes = EpisodesEnv(task, self.recipe, seed, threads)
+        self.env = VecNormalize(
+            self.episodes, gamma=self.recipe.discount, clip_obs=CLIP, epsilon=EPSILON
+        )
+        self._seed_streams(0)
+        self.model = make_model(self.env, self.recipe)
+        self.seconds = 0.0
+        if checkpoint_path(folder).exists():
+            self._resume()
+
+    def run(self, report: Report) -> None:
+        """Trains to the end of the recipe, and writes a checkpoint after each iteration."""
+        while self.model.num_timesteps < self.recipe.steps:
+            began = time.monotonic()
+            self._iterate()
+            self.seconds += time.monotonic() - began
+            report(self._save())
+
+    def _iterate(self) -> None:
+        steps = self.model.num_timesteps
+        self.episodes.calm = self.recipe.calm_at(steps)
+        self.episodes.offset = self.recipe.offset_at(steps)
+        self.model.policy.log_std.data.clamp_(max=float(np.log(self.recipe.noise_at(steps))))
+        self.model.lr_schedule = FloatSchedule(self.recipe.rate_at(steps))
+        self._seed_streams(steps)
+        self.model._last_obs = None  # so that `learn` resets the environment
+        self.model.learn(self.recipe.episodes * self.task.steps, reset_num_timesteps=False)
+
+    def _seed_streams(self, steps: int) -> None:
+        stream = generator("expert", self.task.name, self.seed, steps)
+        set_random_seed(int(stream.integers(2**31)))
+
+    def _save(self) -> dict[str, float]:
+        """Writes the checkpoint and a line of the log, and returns that line."""
+        steps = self.model.num_timesteps
+        counters = Counters(
+            self.task.name,
+            self.seed,
+            self.recipe.as_dict(),
+            steps,
+            self.seconds,
+            self.episodes.first,
+        )
+        write_checkpoint(self.folder, self.model, self.env, counters)
+        row = {
+            "steps": steps,
+            "seconds": round(self.seconds, 1),
+            "success": round(self.episodes.success, 4),
+            "reward": round(self.episodes.earned, 4),
+            "std": round(float(self.model.policy.log_std.detach().exp().mean()), 4),
+        }
+        with log_path(self.folder).open("a") as lines:
+            lines.write(json.dumps(row) + "\n")
+        return row
+
+    def _resume(self) -> None:
+        tensors, found = read_checkpoint(self.folder)
+        if (found.task, found.seed) != (self.task.name, self.seed):
+            raise InputError(
+                f"{self.folder} holds a training of {found.task} with seed {found.seed}, not of"
+                f" {self.task.name} with seed {self.seed}: name another folder"
+            )
+        now = self.recipe.as_dict()
+        if changed := [name for name in now if found.recipe.get(name) != now[name]]:
+            raise InputError(
+                f"{self.folder} holds a training by a recipe that has changed since"
+                f" ({', '.join(changed)}): name another folder"
+            )
+        self.model.num_timesteps = found.steps
+        self.seconds, self.episodes.first = found.seconds, found.first
+        restore(tensors, self.model, self.env)
 
 
 def write_expert(task: Task, folder: Path) -> Path:
     """Writes the expert of a training run's checkpoint and its card; returns the card's path.
 
-    The card holds the recipe, the cost, and success on the first `CARD_EPISODES` starts of
-    ``probe`` and ``ood``, on which nothing was trained.
+    The card holds the recipe, the seed, the cost, how success grew, and success on the first
+    `CARD_EPISODES` starts of ``probe`` and ``ood``, on which nothing was trained.
 
     Raises:
         InputError: the folder holds no checkpoint.
@@ -103,16 +171,18 @@ def write_expert(task: Task, folder: Path) -> Path:
     data = save(expert_weights(tensors))
     expert = Expert(load(data))
     success = {split: evaluate(task, expert, split, CARD_EPISODES) for split in ("probe", "ood")}
-    recipe = asdict(recipe_of(task))
     card = {
         "task": task.name,
         "task_version": task.version,
         "model_hash": task.model_hash,
         "mujoco": mujoco.__version__,
+        "kernels": mark(),
         "weights_sha256": hashlib.sha256(data).hexdigest(),
-        "recipe": recipe | {"reward": recipe["reward"].__name__},
+        "recipe": counters.recipe,
+        "seed": counters.seed,
         "steps": counters.steps,
         "wall_seconds": round(counters.seconds),
+        "history": _history(folder),
         "episodes": CARD_EPISODES,
         "success": success,
     }
@@ -123,15 +193,22 @@ def write_expert(task: Task, folder: Path) -> Path:
     return path
 
 
+def _history(folder: Path) -> list[dict[str, float]]:
+    """Returns `HISTORY` lines of the log, evenly spread, with the last."""
+    lines = log_path(folder).read_text().splitlines()
+    chosen = np.linspace(0, len(lines) - 1, min(HISTORY, len(lines))).round().astype(int)
+    return [json.loads(lines[i]) for i in chosen]
+
+
 def make_model(env: VecNormalize, recipe: Recipe) -> PPO:
     """Returns an untrained PPO model with the settings of a recipe."""
-    samples = recipe.episodes * env.venv.task.steps
+    steps = env.venv.task.steps
     return PPO(
         TimeBlindPolicy,
         env,
-        learning_rate=lambda remaining: recipe.rate_at((1 - remaining) * recipe.steps),
-        n_steps=samples // recipe.episodes,
-        batch_size=samples // recipe.minibatches,
+        learning_rate=recipe.learning_rate,
+        n_steps=steps,
+        batch_size=recipe.episodes * steps // recipe.minibatches,
         n_epochs=recipe.epochs,
         gamma=recipe.discount,
         gae_lambda=recipe.gae_lambda,
@@ -159,53 +236,3 @@ class TimeBlindPolicy(ActorCriticPolicy):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.pi_features_extractor = WithoutTime(self.observation_space)
-
-
-class Iterations(BaseCallback):
-    """Before each iteration, sets the schedules, logs a line and replaces the checkpoint."""
-
-    def __init__(self, episodes: EpisodesEnv, folder: Path, recipe: Recipe, report: Report) -> None:
-        super().__init__()
-        self.episodes, self.folder, self.recipe, self.report = episodes, folder, recipe, report
-        self.saved = Counters()
-        self.clock = time.monotonic()
-
-    def _on_rollout_start(self) -> None:
-        steps = self.model.num_timesteps
-        self.episodes.calm = self.recipe.calm_at(steps)
-        self.episodes.offset = self.recipe.offset_at(steps)
-        self.model.policy.log_std.data.clamp_(max=float(np.log(self.recipe.noise_at(steps))))
-        if steps > self.saved.steps:
-            self._save()
-
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_training_end(self) -> None:
-        self._save()
-
-    def _save(self) -> None:
-        """Writes the checkpoint and a line of the log."""
-        now = time.monotonic()
-        seconds = self.saved.seconds + now - self.clock
-        self.clock = now
-        counters = Counters(self.model.num_timesteps, seconds, self.episodes.first)
-        write_checkpoint(self.folder, self.model, self.training_env, counters)
-        self.saved = counters
-        row = {
-            "steps": counters.steps,
-            "seconds": round(seconds, 1),
-            "success": round(self.episodes.success, 4),
-            "reward": round(self.episodes.earned, 4),
-            "std": round(float(self.model.policy.log_std.detach().exp().mean()), 4),
-        }
-        with (self.folder / "log.jsonl").open("a") as lines:
-            lines.write(json.dumps(row) + "\n")
-        self.report(row)
-
-    def resume(self, model: PPO, env: VecNormalize) -> None:
-        """Restores model, normalisation and counters from the checkpoint."""
-        tensors, self.saved = read_checkpoint(self.folder)
-        model.num_timesteps = self.saved.steps
-        self.episodes.first = self.saved.first
-        restore(tensors, model, env)

@@ -8,9 +8,10 @@ or jerky.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mujoco.batch import Batch
@@ -59,6 +60,10 @@ class Recipe:
     gae_lambda: float = 0.95
     clip_range: float = 0.2
     hidden: tuple[int, ...] = (128, 128)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Returns the recipe in the values of JSON, its reward by name."""
+        return json.loads(json.dumps(asdict(self) | {"reward": self.reward.__name__}))
 
     def calm_at(self, steps: float) -> float:
         """Returns the weight of penalties and error, 0 to 1, after a number of steps."""

@@ -34,35 +34,69 @@ def recipe(task, monkeypatch):
     return small
 
 
+def ignore(row):
+    """Takes the reports of a training that nobody watches."""
+
+
 def log(folder):
     return [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
 
 
+class KilledError(Exception):
+    """Ends a training after an iteration, as a kill would."""
+
+
+def kill(row):
+    raise KilledError
+
+
 @pytest.mark.parametrize("task", ["door"], indirect=True)
-def test_a_killed_training_resumes_from_its_checkpoint(task, recipe, tmp_path):
-    class KilledError(Exception):
-        pass
-
-    def kill(row):
-        raise KilledError
-
+def test_a_killed_training_resumes_and_gives_the_bytes_of_an_undisturbed_one(
+    task, recipe, tmp_path
+):
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
     for done in (1, 2):
         with pytest.raises(KilledError):
-            training.train(task, tmp_path, kill, threads=1)
-        assert len(log(tmp_path)) == done
-    training.train(task, tmp_path, lambda row: None, threads=1)
-    steps = [row["steps"] for row in log(tmp_path)]
-    assert steps == sorted(set(steps))
-    assert steps[-1] == recipe.steps
-    assert log(tmp_path)[-1]["seconds"] > 0
-    training.train(task, tmp_path, lambda row: None, threads=1)
-    assert len(log(tmp_path)) == len(steps)
+            training.train(task, killed, kill, threads=1)
+        assert read_checkpoint(killed)[1].steps == done * recipe.steps // ITERATIONS
+    training.train(task, killed, ignore, threads=1)
+    training.train(task, whole, ignore, threads=2)
+    ends = [read_checkpoint(folder) for folder in (killed, whole)]
+    assert ends[0][0].keys() == ends[1][0].keys()
+    for name, tensor in ends[0][0].items():
+        assert torch.equal(tensor, ends[1][0][name]), name
+    assert ends[0][1].first == ends[1][1].first == ITERATIONS * EPISODES
+    assert ends[0][1].steps == recipe.steps
+    before = len(log(killed))
+    training.train(task, killed, ignore, threads=1)
+    assert len(log(killed)) == before
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_seeds_give_other_experts_and_do_not_share_a_folder(task, recipe, tmp_path):
+    first, second = tmp_path / "1", tmp_path / "2"
+    training.train(task, first, ignore, seed=1, threads=1)
+    training.train(task, second, ignore, seed=2, threads=1)
+    name = "policy.action_net.weight"
+    assert not torch.equal(read_checkpoint(first)[0][name], read_checkpoint(second)[0][name])
+    with pytest.raises(
+        InputError, match=r"a training of door with seed 1, not of door with seed 2"
+    ):
+        training.train(task, first, ignore, seed=2, threads=1)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_training_by_another_recipe_is_not_continued(task, recipe, tmp_path, monkeypatch):
+    training.train(task, tmp_path, ignore, threads=1)
+    monkeypatch.setattr(type(task), "recipe", replace(recipe, steps=2 * recipe.steps))
+    with pytest.raises(InputError, match=r"a recipe that has changed since \(steps\)"):
+        training.train(task, tmp_path, ignore, threads=1)
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_a_second_training_in_the_same_folder_is_refused(task, recipe, tmp_path):
     def again(row):
-        training.train(task, tmp_path, lambda row: None, threads=1)
+        training.train(task, tmp_path, ignore, threads=1)
 
     with pytest.raises(InputError, match="another training is writing to"):
         training.train(task, tmp_path, again, threads=1)
@@ -72,7 +106,7 @@ def test_a_second_training_in_the_same_folder_is_refused(task, recipe, tmp_path)
 @pytest.mark.parametrize("task", ["reorientation"], indirect=True)
 def test_the_written_expert_acts_like_the_trained_policy(task, recipe, tmp_path, monkeypatch):
     monkeypatch.setattr(training, "CARD_EPISODES", 2)
-    training.train(task, tmp_path, lambda row: None, threads=1)
+    training.train(task, tmp_path, ignore, threads=1)
     card = json.loads(training.write_expert(task, tmp_path).read_text())
     assert card["steps"] == recipe.steps
     assert card["recipe"]["reward"] == "reorientation_reward"
@@ -81,7 +115,7 @@ def test_the_written_expert_acts_like_the_trained_policy(task, recipe, tmp_path,
     tensors, _ = read_checkpoint(tmp_path)
     actions = Expert(expert_weights(tensors)).act(simulator, 0)
 
-    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1))
+    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1, threads=1))
     model = training.make_model(environment, recipe)
     policy = below(tensors, "policy.")
     model.policy.load_state_dict(policy)
@@ -94,7 +128,7 @@ def test_the_written_expert_acts_like_the_trained_policy(task, recipe, tmp_path,
 
 
 def test_only_the_critic_depends_on_the_time(recipe, task):
-    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1))
+    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1, threads=1))
     policy = training.make_model(environment, recipe).policy
     early = torch.as_tensor(environment.reset(), dtype=torch.float32)
     late = early.clone()
@@ -107,16 +141,20 @@ def test_only_the_critic_depends_on_the_time(recipe, task):
 
 
 def test_each_iteration_uses_new_starts(recipe, task):
-    environment = EpisodesEnv(task, recipe, 1)
+    environment = EpisodesEnv(task, recipe, 1, threads=1)
     first = environment.simulator.starts.index.tolist()
     environment.reset()
+    assert environment.simulator.starts.index.tolist() == first
+    for _ in range(task.steps):
+        environment.step_async(np.zeros((EPISODES, task.layout.action_dim)))
+        environment.step_wait()
     assert environment.simulator.starts.split == "train"
     assert not set(first) & set(environment.simulator.starts.index.tolist())
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_the_action_error_is_constant_within_an_episode_and_redrawn_for_the_next(recipe, task):
-    environment = EpisodesEnv(task, recipe, 1)
+    environment = EpisodesEnv(task, recipe, 1, threads=1)
     environment.offset = 0.1
 
     def control():
@@ -125,9 +163,10 @@ def test_the_action_error_is_constant_within_an_episode_and_redrawn_for_the_next
         return environment.simulator.batch.ctrl.copy()
 
     first = control()
-    np.testing.assert_array_equal(control(), first)
+    for _ in range(task.steps - 2):
+        np.testing.assert_array_equal(control(), first)
+    control()
     assert np.ptp(first, axis=0).all()
-    environment.reset()
     assert (control() != first).all()
 
 
