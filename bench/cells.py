@@ -11,7 +11,7 @@ from methods.registry import get_method
 from tasks.demos import demos_key
 from tasks.disturbances import UNDISTURBED
 from tasks.errors import InputError
-from tasks.experts import has_expert
+from tasks.experts import experts_of
 from tasks.masses import NOMINAL
 from tasks.registry import APPENDIX, get_task
 
@@ -69,7 +69,7 @@ def _cell(study: Study, fit: Fit, place: Conditions, episodes: int) -> Cell:
 
 def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
     kind = KINDS[place.controller]
-    if kind.records_expert and not has_expert(get_task(fit.task)):
+    if kind.records_expert and not experts_of(get_task(fit.task)):
         raise InputError(
             f"a controller of the kind {kind.name} learns from new rollouts of the expert, and task"
             f" {fit.task!r} has none: leave out the experiment with --experiments"
@@ -80,7 +80,7 @@ def _controller(study: Study, fit: Fit, place: Conditions) -> ControllerSpec:
         kind.name,
         study.controller,
         study.demos,
-        demos_key(get_task(fit.task)) if kind.records_expert else fit.demos_key,
+        demos_key(get_task(fit.task), fit.expert) if kind.records_expert else fit.demos_key,
         fit.seed,
         place.physics if kind.changed_physics else NOMINAL,
         start=_controller(study, fit, begin) if begin else None,

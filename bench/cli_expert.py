@@ -13,7 +13,10 @@ from bench.options import AsJson, TaskName, number
 from bench.parsing import seeds as parse_seeds
 from tasks.errors import unknown_name
 from tasks.files import writable_folder
+from tasks.registry import FIRST
 from tasks.words import count_of
+
+Which = Annotated[str, typer.Option(help="Which of a task's experts: first or second.")]
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -37,6 +40,7 @@ def train(
     threads: Annotated[int, number(1, "Threads of the simulator.")] = 2,
 ) -> None:
     """Train an expert by reinforcement learning. Rerun the same command to resume."""
+    from bench.probe import complete_card
     from tasks.cache import writable_cache
     from tasks.expert_training import train as train_expert
     from tasks.expert_training import write_expert
@@ -56,12 +60,16 @@ def train(
                 print(f"{task}: {shown}, {row['seconds']:.0f} s", flush=True)
 
         train_expert(chosen, folder, report, seed, threads)
-    print(f"wrote {write_expert(chosen, folder)}")
+    with doing(f"evaluating the expert of {task}"):
+        card = write_expert(chosen, folder)
+        faults = complete_card(chosen, card)
+    print(f"wrote {card}: {'; '.join(faults) or 'fit to demonstrate'}")
 
 
 @app.command()
 def evaluate(
     task: TaskName,
+    expert: Which = FIRST,
     episodes: Annotated[int, number(1, "Episodes, from the first starts of the split.")] = 1000,
     split: Annotated[
         str, typer.Option(help="Set of starts: train, demo, probe, test or ood.")
@@ -78,12 +86,13 @@ def evaluate(
     from tasks.experts import load_expert
 
     chosen = known_task(task)
-    expert = load_expert(chosen).policy
-    with doing(f"evaluating the expert of {task} in {count_of(episodes, 'episode')}"):
-        counts = evaluate_expert(chosen, expert, split, episodes, physics)
+    policy = load_expert(chosen, expert).policy
+    with doing(f"evaluating the {expert} expert of {task} in {count_of(episodes, 'episode')}"):
+        counts = evaluate_expert(chosen, policy, split, episodes, physics)
     low, high = wilson(counts["successes"], episodes)
     result: dict[str, Any] = {
         "task": task,
+        "expert": expert,
         "split": split,
         "physics": physics,
         "episodes": episodes,
@@ -97,7 +106,7 @@ def evaluate(
         print(json.dumps(result))
         return
     print(
-        "{task}/{split}, physics {physics}: {successes} of {tried} successful,"
+        "{task}/{split}, {expert} expert, physics {physics}: {successes} of {tried} successful,"
         " {success_rate:.1%} [{low:.1%}, {high:.1%}] (95% Wilson); {diverged} diverged".format(
             **result, tried=count_of(episodes, "episode")
         )
@@ -107,28 +116,23 @@ def evaluate(
 @app.command()
 def probe(
     task: TaskName,
-    folder: Annotated[
-        Path | None,
-        typer.Option(help="Folder of `bench expert train`. Default: the shipped expert."),
-    ] = None,
+    expert: Which = FIRST,
     episodes: Annotated[
         int, number(1, "Episodes of KODex, from the first starts of the split probe.")
     ] = 1000,
+    seeds: Annotated[
+        str, typer.Option(help="Seeds of demonstrations and controllers, such as 5 (1 to 5).")
+    ] = "5",
 ) -> None:
     """Measure how well an expert's demonstrations can be imitated. Prints a JSON object."""
     from bench.controller import ControllerConfig
     from bench.probe import probe as probe_expert
-    from tasks.experts import Expert, load_expert
+    from tasks.experts import load_expert
 
     chosen = known_task(task)
-    if folder is None:
-        expert = load_expert(chosen).policy
-    else:
-        from tasks.checkpoints import expert_weights, read_checkpoint
-
-        expert = Expert(expert_weights(read_checkpoint(folder)[0]))
-    with doing(f"probing the expert of {task}"):
-        found = probe_expert(chosen, expert, episodes, ControllerConfig())
+    policy = load_expert(chosen, expert).policy
+    with doing(f"probing the {expert} expert of {task}"):
+        found = probe_expert(chosen, policy, episodes, ControllerConfig(), parse_seeds(seeds))
     print(json.dumps(found, indent=2))
 
 
@@ -147,6 +151,7 @@ def track(
     seeds: Annotated[
         str, typer.Option(help="Seeds of the controllers, such as 5 (1 to 5) or 2,4.")
     ] = "1",
+    expert: Which = FIRST,
 ) -> None:
     """Measure the tracking controllers of some seeds on the expert's own motions.
 
@@ -158,6 +163,8 @@ def track(
     chosen = known_task(task)
     if physics not in chosen.physics:
         raise unknown_name("physics", physics, chosen.physics)
-    with doing(f"tracking the expert's motions on {task}"):
-        found = track_expert(chosen, physics, episodes, ControllerConfig(), parse_seeds(seeds))
+    with doing(f"tracking the motions of the {expert} expert of {task}"):
+        found = track_expert(
+            chosen, physics, episodes, ControllerConfig(), parse_seeds(seeds), expert
+        )
     print(json.dumps(found, indent=2))

@@ -186,7 +186,7 @@ def make_policy(cell: Cell, parameters: bytes, controller: bytes) -> Policy:
     fit = cell.fit
     task = get_task(fit.task)
     if fit.method == EXPERT:
-        return load_expert(task).policy
+        return load_expert(task, fit.expert).policy
     method: Method = loaded(
         get_method(fit.method, fit.variant), fit.config, task.layout, parameters
     )

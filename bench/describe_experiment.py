@@ -32,13 +32,16 @@ ABOUT = {
         measures="Success from unseen starts of the training distribution: the main comparison.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("table_6",),
-        own=("success", "all_tasks", "starts", "success_over_time", "motions", "beyond", "times"),
+        own=(
+            *("success", "all_tasks", "starts", "success_over_time", "motions", "beyond"),
+            *("two_experts_test", "times"),
+        ),
     ),
     "ood": About(
         measures="Success from starts outside the ranges of the training distribution.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("figure_5",),
-        own=("all_tasks", "starts"),
+        own=("all_tasks", "starts", "two_experts_ood"),
     ),
     "robustness": About(
         measures="Success with other masses of the hand or the object (appendix I).",

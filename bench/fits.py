@@ -16,7 +16,7 @@ from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.demos import demos_key
-from tasks.experts import has_expert
+from tasks.experts import experts_of
 from tasks.registry import get_task
 
 
@@ -24,10 +24,11 @@ def chosen_fits(study: Study, chosen: Sizes) -> list[Fit]:
     """Returns the expert, if study and task have one, and each method at its used size, by task."""
     fits = []
     for task in study.tasks:
-        if study.expert and has_expert(get_task(task)):
-            own = demos_key(get_task(task))
+        if study.expert and experts_of(get_task(task)):
+            own = demos_key(get_task(task), study.taught_by)
             fits += [
-                Fit(task, EXPERT, "described", "single", {}, 0, seed, own) for seed in study.seeds
+                Fit(task, EXPERT, "described", "single", {}, 0, seed, own, expert=study.taught_by)
+                for seed in study.seeds
             ]
         for name in study.methods:
             fits += fits_of(study, task, name, used_size(study, get_method(name), task, chosen))
@@ -112,7 +113,13 @@ def fits_of(
             changed = {field: v for field, v in decisive if v != before.get(field)}
             for seed in study.seeds:
                 place = (task, name, variant, size, config, study.demos, seed)
-                yield Fit(*place, demonstrations, as_text(changed), weights=weights)
+                yield Fit(
+                    *place,
+                    demonstrations,
+                    as_text(changed),
+                    expert=study.taught_by,
+                    weights=weights,
+                )
 
 
 def _config(study: Study, method: type[Method], size: str, variant: str) -> Any:

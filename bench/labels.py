@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from tasks.data import key
 from tasks.errors import unknown_name
+from tasks.registry import SECOND
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +26,8 @@ VALIDATION = "validation"
 SEPARATOR = ":"
 FROM_FILE = "weights_from_file"
 """Part of the label of a method that was not trained."""
+OF_SECOND = "second_expert"
+"""Part of the label of a method that the second expert taught, beside those that the first did."""
 LONGEST = 80
 DIGITS = 8
 """Digits of a key or digest in a label."""
@@ -48,8 +52,16 @@ def labelled(frame: pd.DataFrame) -> pd.DataFrame:
 
     The label adds the changes of `--set` if the rows of a method differ in them. It adds the key of
     the demonstrations if the rows of a method on a task differ in it and they are not the expert's.
+    If both experts are among the rows, what the second did or taught is labelled by its name.
     It adds `FROM_FILE` to methods with given weights, with digits if several are given on a task.
     """
+    if frame.expert.nunique() > 1:
+        import pandas as pd
+
+        told = [labelled(part).method for _, part in frame.groupby("expert")]
+        method = reduce(pd.Series.combine_first, told)
+        suffix = method.str.contains(SEPARATOR).map({True: "+", False: SEPARATOR}) + OF_SECOND
+        return frame.assign(method=method.where(frame.expert != SECOND, method + suffix))
     learnt = frame[frame.method != EXPERT]
     if learnt.empty:
         return frame

@@ -23,7 +23,7 @@ from typing import Any, Protocol
 from tasks.data import key
 from tasks.disturbances import UNDISTURBED
 from tasks.masses import NOMINAL
-from tasks.registry import APPENDIX
+from tasks.registry import APPENDIX, FIRST
 
 KEY_DIGITS = 12
 CONDITIONS = ("split", "physics", "controller", "rule", "disturbance", "replan")
@@ -32,6 +32,8 @@ PLAIN = {"physics": NOMINAL, "rule": APPENDIX, "disturbance": UNDISTURBED, "repl
 """Those of the main comparison, in which nothing is changed."""
 ADDED = ("disturbance", "replan")
 """Those that are part of names and keys only where something is changed."""
+USUAL = {"weights": "", "expert": FIRST}
+"""Fields of a fit that are part of keys only where they have another value."""
 MANIFEST = "study.json"
 
 
@@ -59,8 +61,8 @@ def fit_key(version: int, fields: Mapping[str, Any]) -> str:
 
 
 def stored_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the fields of a fit as results hold them: without ``weights`` if none are given."""
-    return {name: value for name, value in fields.items() if name != "weights" or value}
+    """Returns the fields of a fit as results hold them, without those of `USUAL` that are usual."""
+    return {k: v for k, v in fields.items() if k not in USUAL or v != USUAL[k]}
 
 
 def controller_label(fields: Mapping[str, Any]) -> str:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from safetensors.numpy import load_file, save
 
 from bench.combined import CombinedResults
-from bench.names import ADDED, CONDITIONS, PLAIN
+from bench.names import ADDED, CONDITIONS, PLAIN, USUAL
 from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.source import Source, numbered_outcomes, outcomes_by_row
@@ -109,7 +109,7 @@ class Packed:
 
         frame = pd.read_parquet(self.folder / "evaluations.parquet")
         # Earlier results lack these.
-        lacking = {"held_out": 0, "weights": "", "pins": UNPINNED, "action_seconds": nan}
+        lacking = {"held_out": 0, **USUAL, "pins": UNPINNED, "action_seconds": nan}
         lacking |= {name: PLAIN[name] for name in ADDED}
         added = {name: value for name, value in lacking.items() if name not in frame}
         return frame.assign(config=frame.config.map(json.loads), **added)

@@ -8,7 +8,7 @@ from bench.controller import ControllerConfig
 from methods.registry import PAPER, SUITE, TO_BEAT
 from methods.saved import Saved
 from tasks.errors import unknown_name
-from tasks.registry import TASKS
+from tasks.registry import FIRST, TASKS
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,8 @@ class Study:
     demos: int = 200
     demos_keys: Mapping[str, str] = field(default_factory=dict)
     """By task, the key of the demonstrations to learn from. Default: the expert's."""
+    taught_by: str = FIRST
+    """Which of a task's experts demonstrates."""
     epochs_share: float = 1.0
     """The share of its epochs that a method trains for, if its config has such a field."""
     settings: Mapping[tuple[str, str], Any] = field(default_factory=dict)

@@ -6,11 +6,16 @@ recorded motions of the validation demonstrations. Its success is what a perfect
 a minimum to pass, and does not rank experts.
 """
 
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from safetensors.numpy import load
 
-from bench.controller import Controller, ControllerConfig, train_controller
+from bench.controller import Controller, ControllerConfig, train_controllers
 from bench.doing import say
 from bench.rollout import TrackedMotion
 from methods.base import MotionMethod, Parameters
@@ -18,9 +23,17 @@ from methods.kodex import Kodex
 from tasks.base import Task
 from tasks.data import Demos, FloatArray, Layout
 from tasks.demos import TRAINING, VALIDATION, split
+from tasks.experts import Expert
+from tasks.files import whole_file
 from tasks.recorder import make_demos
 from tasks.simulator import Policy, rollout
 from tasks.words import count_of
+
+PROBED, PROBED_SEEDS = 1000, range(1, 6)
+"""Starts of ``probe``, and seeds, by which an expert is judged."""
+EXPERT_FLOOR, TRACKED_FLOOR = 0.95, 0.97
+KODEX_FLOORS = {"tool": 0.97, "door": 0.93, "relocation": 0.85, "reorientation": 0.59}
+"""Table 1, less three points."""
 
 
 class Recorded(MotionMethod):
@@ -50,34 +63,81 @@ class Recorded(MotionMethod):
         """Does nothing: there are no parameters."""
 
 
-def probe(task: Task, expert: Policy, episodes: int, config: ControllerConfig) -> dict[str, Any]:
+def probe(
+    task: Task, expert: Policy, episodes: int, config: ControllerConfig, seeds: Sequence[int]
+) -> dict[str, Any]:
     """Returns the success of both probes of an expert, and how rough its demonstrations are.
+
+    Each seed has demonstrations, a controller and a KODex of its own. ``of_seed`` has a row for
+    each, and the other values are means over them.
 
     Args:
         task: the task.
         expert: the policy that demonstrates.
-        episodes: number of starts of ``probe`` for (b).
-        config: training settings of the controller.
+        episodes: number of starts of ``probe`` for (b), the same for each seed.
+        config: training settings of the controllers.
+        seeds: of the starts of ``demo`` and of the controllers.
     """
     say(f"recording demonstrations of {task.name}")
-    demos = make_demos(task, expert, TRAINING + VALIDATION)
+    demos = [make_demos(task, expert, TRAINING + VALIDATION, seed) for seed in seeds]
+    say("training controllers")
+    training = [split(of_seed)[0] for of_seed in demos]
+    weights = train_controllers(config, training, task.name, seeds)
+    rows = []
+    for seed, of_seed, learnt in zip(seeds, demos, weights, strict=True):
+        say(f"evaluating controller and KODex of seed {seed} in {count_of(episodes, 'episode')}")
+        rows.append({"seed": seed} | _imitated(task, of_seed, Controller(learnt), seed, episodes))
+    means = pd.DataFrame(rows).drop(columns="seed").mean().round(6).to_dict()
+    return {"episodes": episodes, **means, "of_seed": rows}
+
+
+def _imitated(
+    task: Task, demos: Demos, controller: Controller, seed: int, episodes: int
+) -> dict[str, float]:
     training, validation = split(demos)
-    say("training the controller")
-    controller = Controller(train_controller(config, training, task.name, 0))
     kodex = Kodex(Kodex.sizes["single"], task.layout)
-    kodex.fit(training, validation, 0)
-    say(f"evaluating the controller and KODex in {count_of(episodes, 'episode')}")
+    kodex.fit(training, validation, seed)
     tracked = rollout(task, validation.starts, TrackedMotion(Recorded(validation), controller))
     starts = task.sample("probe", episodes)
     imitated = rollout(task, starts, TrackedMotion(kodex, controller))
     eigenvalues = kodex.diagnostics()["eigenvalues"]
     return {
-        "task": task.name,
-        "tracked_validation_motions": float(tracked.success.mean()),
-        "kodex_success": float(imitated.success.mean()),
-        "kodex_largest_eigenvalue": float(np.hypot(*eigenvalues.T).max()),
-        "episodes": episodes,
+        "tracked": float(tracked.success.mean()),
+        "kodex": float(imitated.success.mean()),
+        "largest_eigenvalue": float(np.hypot(*eigenvalues.T).max()),
         "starts_tried": int(demos.starts.index[-1]) + 1,
-        "mean_squared_action_change": float((np.diff(demos.actions, axis=1) ** 2).mean()),
-        "mean_squared_hand_velocity": float((demos.velocities**2).mean()),
+        "squared_action_change": float((np.diff(demos.actions, axis=1) ** 2).mean()),
+        "squared_hand_velocity": float((demos.velocities**2).mean()),
     }
+
+
+def complete_card(task: Task, path: Path) -> list[str]:
+    """Adds ``imitation`` and ``faults`` to the card of a trained expert; returns the faults.
+
+    The weights lie beside the card. See `probe` and `faults`.
+    """
+    card = json.loads(path.read_text())
+    expert = Expert(load(path.with_suffix(".safetensors").read_bytes()))
+    card["imitation"] = probe(task, expert, PROBED, ControllerConfig(), PROBED_SEEDS)
+    card["faults"] = faults(card)
+    with whole_file(path) as file:
+        file.write_text(json.dumps(card, indent=2) + "\n")
+    return list(card["faults"])
+
+
+def faults(card: Mapping[str, Any]) -> list[str]:
+    """Returns why an expert must not be shipped, given its card with ``imitation``, see `probe`.
+
+    The rule is in docs/protocol.md.
+    """
+    imitation, succeeded = card["imitation"], card["success"]["probe"]["successes"]
+    reached = {
+        "of the starts of probe end in success": (succeeded / card["episodes"], EXPERT_FLOOR),
+        "of the recorded motions are tracked": (imitation["tracked"], TRACKED_FLOOR),
+        "is the success of KODex": (imitation["kodex"], KODEX_FLOORS.get(card["task"], 0.0)),
+    }
+    return [
+        f"{value:.1%} {what}, at least {floor:.0%} is needed"
+        for what, (value, floor) in reached.items()
+        if value < floor
+    ]

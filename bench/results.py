@@ -20,6 +20,7 @@ from bench.manifest import Manifest, Wanted, read_manifest
 from bench.names import (
     CONDITIONS,
     KEY_DIGITS,
+    USUAL,
     Named,
     cell_path,
     controller_path,
@@ -306,7 +307,7 @@ class Results:
         labels, count = self._evaluation(wanted)
         times = self.times(folder.name) or Times([])
         return {
-            "weights": "",
+            **USUAL,
             **self._required(folder, FIT)["spec"],
             **{name: labels[name] for name in (*CONDITIONS, "controller_key")},
             "replan": int(labels["replan"]),

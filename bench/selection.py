@@ -45,6 +45,7 @@ def chosen_sizes(study: Study, frame: "pd.DataFrame") -> dict[tuple[str, str], s
         (frame.split == VALIDATION)
         & (frame.variant == "described")
         & (frame.demos == study.demos)
+        & (frame.expert == study.taught_by)
         & frame.seed.isin(study.seeds)
     ]
     chosen = {}

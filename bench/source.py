@@ -21,7 +21,7 @@ NUMBERS = ("demos", "held_out", "seed")
 """Fields of a fit that are numbers."""
 FIT_FIELDS = (
     *("task", "method", "variant", "size", "config", "demos", "held_out", "seed"),
-    *("demos_key", "settings", "weights", "pins"),
+    *("demos_key", "settings", "expert", "weights", "pins"),
 )
 TIMES = ("fit_seconds", "action_seconds")
 """The columns of what `bench time` measures."""

@@ -23,12 +23,12 @@ from methods.contract import build
 from methods.registry import get_method
 from tasks.base import SPLITS
 from tasks.data import key
-from tasks.demos import of_expert
+from tasks.demos import expert_of
 from tasks.disturbances import UNDISTURBED, find_disturbances
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL
 from tasks.pins import mark
-from tasks.registry import APPENDIX, get_task
+from tasks.registry import APPENDIX, FIRST, get_task
 from tasks.simulator import CHUNK
 
 EVALUATION_SPLITS = (VALIDATION, *(split for split in SPLITS if split not in ("train", "demo")))
@@ -55,6 +55,8 @@ class Fit:
     held_out: int = 0
     """How many training demonstrations after the first N validate, in place of the validation
     demonstrations. Default: none do."""
+    expert: str = FIRST
+    """Which of the task's experts made the demonstrations."""
     weights: str = ""
     """SHA-256 of the weights of a file, which take the place of training. Default: none do."""
     pins: str = field(default_factory=mark)
@@ -79,7 +81,7 @@ class Fit:
     @property
     def of_expert(self) -> bool:
         """Whether its demonstrations are the expert's, as this installation makes them."""
-        return of_expert(get_task(self.task), self.demos_key, self.pins)
+        return bool(expert_of(get_task(self.task), self.demos_key, self.pins))
 
     @property
     def label(self) -> str:
@@ -87,9 +89,10 @@ class Fit:
 
         Two fits may share a label. The results then show the one that a run requested last.
         """
+        taught = "" if self.expert == FIRST else self.expert
         if self.method == EXPERT:
-            return f"{self.task}-{self.method}-s{self.seed}"
-        origin = "" if self.of_expert else self.demos_key[:DIGITS]
+            return "-".join(filter(None, (self.task, self.method, taught, f"s{self.seed}")))
+        origin = taught if self.of_expert else self.demos_key[:DIGITS]
         weights = f"weights={self.weights[:DIGITS]}" if self.weights else ""
         parts = [self.task, self.method, self.settings, weights, self.variant, self.size]
         held_out = f"+{self.held_out}" if self.held_out else ""

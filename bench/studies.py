@@ -32,6 +32,8 @@ class Options(TypedDict, total=False):
     """A count (5 means 1 to 5), a list ([2, 4]), or a text (``1-3,7``)."""
     episodes: int | None
     """Episodes of each evaluation."""
+    expert: str | None
+    """Which of a task's experts demonstrates: first or second."""
     demos: str | Path | Sequence[str | Path] | None
     """Files of demonstrations, one for each task of the study."""
     settings: Mapping[str, Any] | Sequence[str] | None
@@ -124,9 +126,23 @@ def _seeds(study: Study, seeds: str | int | Sequence[int]) -> Study:
     )
 
 
+def _expert(study: Study, name: str) -> Study:
+    from tasks.registry import EXPERTS
+
+    if name not in EXPERTS:
+        raise unknown_name("expert", name, EXPERTS)
+    return replace(study, taught_by=name)
+
+
 def _demos(study: Study, files: str | Path | Sequence[str | Path]) -> Study:
     from bench.study_demos import learning_from
+    from tasks.registry import FIRST
 
+    if study.taught_by != FIRST:
+        raise InputError(
+            "methods learn from files of demonstrations or from the second expert, not from both:"
+            " give demos or expert"
+        )
     several = [files] if isinstance(files, str | Path) else files
     return learning_from(study, [Path(file) for file in several])
 
@@ -154,6 +170,7 @@ _CHANGES: Mapping[str, Callable[[Study, Any], Study]] = {
     "sizes": _sizes,
     "variants": _variants,
     "seeds": _seeds,
+    "expert": _expert,
     "demos": _demos,
     "settings": _settings,
     "weights": _weights,

@@ -21,7 +21,7 @@ def demos_keys_of(study: Study) -> DemosKeys:
 
 def demos_key_of(study: Study, task: str) -> str:
     """Returns the key of the demonstrations of a task that a study learns from."""
-    return study.demos_keys.get(task) or demos_key(get_task(task))
+    return study.demos_keys.get(task) or demos_key(get_task(task), study.taught_by)
 
 
 def learning_from(study: Study, files: Sequence[Path]) -> Study:

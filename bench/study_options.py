@@ -85,6 +85,13 @@ class StudyOptions:
         int | None,
         number(1, "Episodes of each evaluation, such as 500 or 1e4. Default: those of the preset."),
     ] = None
+    expert: Annotated[
+        str | None,
+        typer.Option(
+            help="Which of a task's two experts demonstrates: first or second. They were trained"
+            " alike, with other seeds. Default: first."
+        ),
+    ] = None
     demos: Annotated[
         list[Path] | None,
         typer.Option(

@@ -19,11 +19,17 @@ from tasks.demos import TRAINING, demos_key
 from tasks.experts import load_expert
 from tasks.masses import NOMINAL
 from tasks.recorder import record
+from tasks.registry import FIRST
 from tasks.simulator import rollout
 
 
 def track(
-    task: Task, physics: str, episodes: int, config: ControllerConfig, seeds: Sequence[int]
+    task: Task,
+    physics: str,
+    episodes: int,
+    config: ControllerConfig,
+    seeds: Sequence[int],
+    expert: str = FIRST,
 ) -> list[dict[str, Any]]:
     """Returns how often controllers succeed in some physics when they track the expert's motions.
 
@@ -38,14 +44,15 @@ def track(
         episodes: number of starts of ``test`` of each seed, from the first.
         config: training settings of the controllers.
         seeds: of a study, each with its own starts and controllers.
+        expert: which of the task's experts.
     """
-    expert, rows = load_expert(task).policy, []
-    controllers = _controllers(task, physics, config, seeds)
+    policy, rows = load_expert(task, expert).policy, []
+    controllers = _controllers(task, physics, config, seeds, expert)
     for seed in seeds:
         starts = task.sample("test", episodes, seed)
         for made in dict.fromkeys((NOMINAL, physics)):
             say(f"recording the expert's motions in {made} physics")
-            motions = Recorded(record(task, starts, expert, made, failures=True)[1])
+            motions = Recorded(record(task, starts, policy, made, failures=True)[1])
             for kind, of_seed in controllers.items():
                 say(f"tracking motions of {made} physics with the controller {kind}")
                 found = rollout(task, starts, TrackedMotion(motions, of_seed[seed]), physics)
@@ -62,10 +69,11 @@ def track(
 
 
 def _controllers(
-    task: Task, physics: str, config: ControllerConfig, seeds: Sequence[int]
+    task: Task, physics: str, config: ControllerConfig, seeds: Sequence[int], expert: str
 ) -> dict[str, dict[int, Controller]]:
     """The controllers by kind and seed."""
-    original = ControllerSpec(task.name, ORIGINAL, config, TRAINING, demos_key(task), seeds[0])
+    key = demos_key(task, expert)
+    original = ControllerSpec(task.name, ORIGINAL, config, TRAINING, key, seeds[0])
     kinds = [original]
     if physics != NOMINAL:
         kinds.append(replace(original, kind=TUNED, physics=physics))

@@ -9,7 +9,7 @@ from bench.spec import VALIDATION, Cell, ControllerSpec, Fit
 from tasks import demos
 from tasks.cache import cache_folder
 from tasks.data import Demos, Starts
-from tasks.demos import demos_of
+from tasks.demos import demos_of, expert_of
 from tasks.experts import load_expert
 from tasks.pins import pin
 from tasks.recorder import record
@@ -61,7 +61,7 @@ def _rollouts(spec: ControllerSpec) -> Demos:
     return record(
         task,
         starts,
-        load_expert(task).policy,
+        load_expert(task, expert_of(task, spec.demos_key)).policy,
         spec.physics,
         failures=kind.keeps_failures,
         raw=not kind.clips_actions,

@@ -86,15 +86,15 @@ def replayed_motion(
 
 def demonstrated_motion(row: Mapping[str, Any], start: int) -> FloatArray:
     """Returns the joints (T, H) that a fit was to imitate from a start of ``test``."""
-    from tasks.demos import load_adopted, of_expert
+    from tasks.demos import expert_of, load_adopted
     from tasks.experts import load_expert
     from tasks.recorder import record
     from tasks.registry import get_task
 
     task = get_task(row["task"])
     here = task.sample("test", start + 1, row["seed"])[start:]
-    if row["method"] == EXPERT or of_expert(task, row["demos_key"], row["pins"]):
-        shown = record(task, here, load_expert(task).policy, failures=True)[1]
+    if row["method"] == EXPERT or expert_of(task, row["demos_key"], row["pins"]):
+        shown = record(task, here, load_expert(task, row["expert"]).policy, failures=True)[1]
     else:
         demos = load_adopted(task, row["demos_key"])
         width = np.subtract(task.in_distribution.high, task.in_distribution.low)

@@ -18,6 +18,7 @@ from reports.seed_statistics import ONE_SEED
 from reports.style import METHODS, TASKS, display, ordered
 from reports.submitted_rows import SubmittedRow
 from tasks.data import FloatArray
+from tasks.registry import SECOND
 
 STEP = 10
 """Points of success. The strips of a task begin and end at multiples of it."""
@@ -36,6 +37,7 @@ def study_facts(results: Results) -> dict[str, str]:
         "study": results.name,
         "run": " to ".join(dict.fromkeys([days[0], days[-1]])) if days else "unknown",
         "methods": ", ".join(map(results.display, methods)),
+        **({"learnt from": "the second expert"} if results.expert == SECOND else {}),
         "tasks": ", ".join(map(display, ordered(frame.task, TASKS))),
         "seeds of a method": span(seeds) + alone,
         "starts of a seed": span(found.episodes),

@@ -17,7 +17,8 @@ class WithShippedMethods(CombinedResults):
         reference = Packed(shipped())
         mine, theirs = own.frame(), reference.frame()
         trained = mine[mine.weights == ""].method
-        theirs = theirs[theirs.task.isin(mine.task) & ~theirs.method.isin(trained)]
+        alike = theirs.task.isin(mine.task) & theirs.expert.isin(mine.expert)
+        theirs = theirs[alike & ~theirs.method.isin(trained)]
         super().__init__([(own, mine), (reference, theirs)])
         self._own = own
         self._marks = set(theirs.pins) - set(mine.pins)

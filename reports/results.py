@@ -26,6 +26,7 @@ from reports.seed_statistics import rate
 from reports.style import METHODS, TASKS, display, ordered
 from tasks.data import BoolArray, FloatArray
 from tasks.errors import InputError
+from tasks.registry import EXPERTS, FIRST
 
 SIZES = ("small", "median", "large")
 COMPARED = (NO_CONTROLLER, ORIGINAL)
@@ -42,12 +43,13 @@ class Results:
     mixed: MixedProtocols | None = None
     """Rows that cannot be compared and are shown nevertheless."""
 
-    def __init__(self, folder: Path, with_shipped: bool = False) -> None:
+    def __init__(self, folder: Path, with_shipped: bool = False, expert: str = "") -> None:
         """Opens results.
 
         Args:
             folder: of `bench run` or `bench pack`.
             with_shipped: whether to add the shipped results of other methods.
+            expert: only what this expert taught is shown. Default: the first in the results.
 
         Raises:
             InputError: see `reports.reference.WithShippedMethods`.
@@ -56,15 +58,19 @@ class Results:
         self.source: Source = open_results(folder)
         if with_shipped:
             self.source = WithShippedMethods(self.source)
+        self._expert = expert
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row for each stored evaluation, by task, with the labels of `bench.labels`.
+        """One row for each stored evaluation of the `expert`, by task.
+
+        Methods have the labels of `bench.labels`.
 
         Raises:
             InputError: there are none.
         """
-        found = labelled(self.source.frame())
+        stored = self.source.frame()
+        found = labelled(stored[stored.expert == self.expert])
         if found.empty:
             raise InputError(
                 "there are no evaluations to show yet: bench status shows the progress"
@@ -73,6 +79,16 @@ class Results:
         return found.sort_values(
             "task", key=lambda names: names.map(places), kind="stable", ignore_index=True
         )
+
+    @cached_property
+    def experts(self) -> list[str]:
+        """Which experts have taught methods in the results, the first one first."""
+        return ordered(self.source.frame().expert, EXPERTS)
+
+    @property
+    def expert(self) -> str:
+        """Which expert taught the methods that are shown."""
+        return self._expert or next(iter(self.experts), FIRST)
 
     @property
     def notes(self) -> list[str]:

@@ -21,9 +21,10 @@ from tasks.demos_files import (
     sound_content,
 )
 from tasks.errors import InputError
-from tasks.experts import has_expert, load_expert
+from tasks.experts import experts_of, load_expert
 from tasks.pins import check_environment, mark, pin
 from tasks.recorder import make_demos
+from tasks.registry import FIRST
 from tasks.words import count_of
 
 TRAINING = 200
@@ -35,18 +36,19 @@ _RECORD = """
 import sys
 from tasks.demos import load_demos
 from tasks.registry import get_task
-load_demos(get_task(sys.argv[1]), int(sys.argv[2]))
+load_demos(get_task(sys.argv[1]), int(sys.argv[2]), sys.argv[3])
 """
 """A program that records in a process of its own, whose kernels are pinned."""
 
 
-def demos_key(task: Task, pins: str | None = None) -> str:
-    """Returns the key of the expert's demonstrations of a task, which all seeds share.
+def demos_key(task: Task, expert: str = FIRST, pins: str | None = None) -> str:
+    """Returns the key of an expert's demonstrations of a task, which all seeds share.
 
     The key and a seed identify a block of demonstrations.
 
     Args:
         task: the task.
+        expert: which of its experts.
         pins: mark of the kernels that record them, see `tasks.pins`. Default: this process's.
     """
     return key(
@@ -55,21 +57,23 @@ def demos_key(task: Task, pins: str | None = None) -> str:
         task.name,
         task.version,
         task.model_hash,
-        load_expert(task).identity,
+        load_expert(task, expert).identity,
         mujoco.__version__,
         mark() if pins is None else pins,
         TRAINING + VALIDATION,
     )
 
 
-def of_expert(task: Task, chosen: str, pins: str | None = None) -> bool:
-    """Returns whether a key is that of the expert's demonstrations, see `demos_key`."""
-    return has_expert(task) and chosen == demos_key(task, pins)
+def expert_of(task: Task, chosen: str, pins: str | None = None) -> str:
+    """Returns which expert's demonstrations have a key, see `demos_key`; empty if none's."""
+    found = (name for name in experts_of(task) if chosen == demos_key(task, name, pins))
+    return next(found, "")
 
 
-def demos_path(task: Task, seed: int = 1) -> Path:
-    """Returns the path in the cache of the expert's demonstrations for a seed."""
-    return cache_folder() / _FOLDER / f"{task.name}-{demos_key(task)[:16]}-s{seed}.safetensors"
+def demos_path(task: Task, seed: int = 1, expert: str = FIRST) -> Path:
+    """Returns the path in the cache of an expert's demonstrations for a seed."""
+    name = f"{task.name}-{demos_key(task, expert)[:16]}-s{seed}.safetensors"
+    return cache_folder() / _FOLDER / name
 
 
 def adopted_path(task: Task, adopted: str) -> Path:
@@ -77,8 +81,8 @@ def adopted_path(task: Task, adopted: str) -> Path:
     return cache_folder() / _FOLDER / f"{task.name}-{adopted[:16]}.safetensors"
 
 
-def load_demos(task: Task, seed: int = 1) -> Demos:
-    """Returns the expert's demonstrations for a seed: its successes from the starts of the seed.
+def load_demos(task: Task, seed: int = 1, expert: str = FIRST) -> Demos:
+    """Returns an expert's demonstrations for a seed: its successes from the starts of the seed.
 
     They are recorded if the cache lacks them, or if their SHA-256 is not the noted one.
 
@@ -86,17 +90,18 @@ def load_demos(task: Task, seed: int = 1) -> Demos:
         InputError: the cache cannot be written to; see also `tasks.pins.check_environment`.
     """
     check_environment()
-    path = demos_path(task, seed)
+    path = demos_path(task, seed, expert)
     data = sound_content(path)
     if data is None:
         writable_cache(_FOLDER)
         if path.exists():
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
         if pin().late:
-            subprocess.run([sys.executable, "-c", _RECORD, task.name, str(seed)], check=True)
+            record = [sys.executable, "-c", _RECORD, task.name, str(seed), expert]
+            subprocess.run(record, check=True)
         else:
-            expert = load_expert(task).policy
-            save_demos(make_demos(task, expert, TRAINING + VALIDATION, seed), path)
+            policy = load_expert(task, expert).policy
+            save_demos(make_demos(task, policy, TRAINING + VALIDATION, seed), path)
         data = path.read_bytes()
     return parse_demos(task, data, path, seed)
 
@@ -128,8 +133,8 @@ def demos_of(task: Task, chosen: str, seed: int) -> tuple[Demos, Demos]:
     Raises:
         InputError: see `load_demos` and `load_adopted`.
     """
-    if of_expert(task, chosen):
-        return split(load_demos(task, seed))
+    if expert := expert_of(task, chosen):
+        return split(load_demos(task, seed, expert))
     return split(shuffled(load_adopted(task, chosen), seed))
 
 

@@ -1,7 +1,7 @@
 """Experts: the policies that demonstrate the tasks.
 
-Those of the suite's tasks are reactive networks, shipped in `tasks/experts/`. A task of a package
-brings its own, see `tasks.base.Task.expert`.
+Each of the suite's tasks has two, which differ in the seed of their training: reactive networks,
+shipped in `tasks/experts/`. A task of a package brings its own, see `tasks.base.Task.expert`.
 """
 
 import hashlib
@@ -15,8 +15,9 @@ from safetensors.numpy import load
 
 from tasks.base import Task
 from tasks.data import FloatArray
-from tasks.errors import InputError
+from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL
+from tasks.registry import EXPERTS, FIRST
 from tasks.simulator import Policy, Simulator, rollout
 
 SHIPPED = Path(__file__).with_name("experts")
@@ -76,18 +77,22 @@ class LoadedExpert:
         return str(self.card.get(_DIGEST, ""))
 
 
-def has_expert(task: Task) -> bool:
-    """Returns whether a task has an expert."""
-    return _card_path(task).exists() or task.expert() is not None
+def experts_of(task: Task) -> tuple[str, ...]:
+    """Returns which of `EXPERTS` a task has."""
+    found = tuple(name for name in EXPERTS if _card_path(task, name).exists())
+    return found or ((FIRST,) if task.expert() is not None else ())
 
 
-def load_expert(task: Task) -> LoadedExpert:
-    """Returns the expert of a task.
+def load_expert(task: Task, name: str = FIRST) -> LoadedExpert:
+    """Returns an expert of a task.
 
     Raises:
-        InputError: it has none, or shipped weights do not match the SHA-256 on their card.
+        InputError: it has no such expert, or shipped weights do not match the SHA-256 on their
+            card.
     """
-    path = _card_path(task)
+    path, known = _card_path(task, name), experts_of(task)
+    if known and name not in known:
+        raise unknown_name(f"expert of {task.name}", name, known)
     if not path.exists():
         own = task.expert()
         if own is None:
@@ -102,11 +107,11 @@ def load_expert(task: Task) -> LoadedExpert:
     digest = hashlib.sha256(data).hexdigest()
     if digest != card[_DIGEST]:
         raise InputError(
-            f"the weights of expert {task.name!r} have SHA-256 {digest}, but its card says"
-            f" {card[_DIGEST]}: reinstall the package"
+            f"the weights of the {name} expert of {task.name} have SHA-256 {digest}, but its card"
+            f" says {card[_DIGEST]}: reinstall the package"
         )
     return LoadedExpert(Expert(load(data)), card)
 
 
-def _card_path(task: Task) -> Path:
-    return SHIPPED / f"{task.name}.json"
+def _card_path(task: Task, name: str) -> Path:
+    return SHIPPED / name / f"{task.name}.json"

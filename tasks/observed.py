@@ -11,7 +11,7 @@ import numpy as np
 
 from tasks.base import Task
 from tasks.data import BoolArray, FloatArray, Starts, generator
-from tasks.experts import has_expert, load_expert
+from tasks.experts import experts_of, load_expert
 from tasks.simulator import Policy, Simulator, rollout
 
 COUNT = 6
@@ -104,7 +104,7 @@ def observe(task: Task, starts: Starts, policy: Policy, threads: int = 1) -> See
 
 def policies(task: Task) -> list[Callable[[], Policy]]:
     """Returns functions that make the policies that drive observed episodes."""
-    return [Wander, lambda: load_expert(task).policy] if has_expert(task) else [Wander]
+    return [Wander, lambda: load_expert(task).policy] if experts_of(task) else [Wander]
 
 
 @cache

@@ -27,6 +27,8 @@ TASKS = tuple(_CLASSES)
 """The tasks of this suite. Tasks of packages are used only if they are named."""
 APPENDIX, PUBLISHED = "appendix", "published"
 """Success rules: that of appendix C, and that of the published code."""
+EXPERTS = FIRST, SECOND = ("first", "second")
+"""The experts of a task. A task of a package has only the first."""
 JUDGED_OTHERWISE = {"tool": "PublishedTool", "reorientation": "PublishedReorientation"}
 """Tasks for which the published code has another success rule than appendix C."""
 

@@ -13,7 +13,7 @@ from tasks.arrays import Replay
 from tasks.base import SPLITS, Task
 from tasks.components import Component
 from tasks.data import FloatArray, IntArray, generator
-from tasks.experts import has_expert, load_expert
+from tasks.experts import experts_of, load_expert
 from tasks.observed import COUNT, Seen, Wander, observe, policies, seen
 from tasks.recorder import record
 from tasks.rule_results import RuleBrokenError, require
@@ -193,7 +193,7 @@ def decided_is_final(task: Task) -> None:
 
 def expert_demonstrates(task: Task) -> None:
     """The expert, if there is one, succeeds from at least one start in ten."""
-    if has_expert(task):
+    if experts_of(task):
         success, _ = record(
             task, task.sample("demo", TRIED, 1), load_expert(task).policy, threads=1
         )

@@ -151,7 +151,13 @@ def shipped(task, tmp_path, monkeypatch):
     monkeypatch.setattr(type(task), "horizon", 6)
     monkeypatch.setattr(type(task), "success", lambda self, r: np.arange(len(r)) % 3 != 0)
     monkeypatch.setattr("bench.backend.Workers", in_this_process)
-    return ship(task, tmp_path / "experts")
+    return ship(task, tmp_path / "experts", "first")
+
+
+@pytest.fixture
+def two_shipped(task, shipped, tmp_path):
+    """Ships a second small random expert beside the first."""
+    return ship(task, tmp_path / "experts", "second")
 
 
 def in_this_process(jobs, backend="loky", *options):
@@ -204,8 +210,10 @@ def reference(paper, task, monkeypatch, tmp_path):
     return run_and_ship
 
 
-def ship(task, folder):
-    rng = generator("random expert", task.name)
+def ship(task, folder, name):
+    """Ships a small random expert under the name ``first`` or ``second``; returns its weights."""
+    rng = generator("random expert", task.name, name)
+    folder = folder / name
     width = experts.expert_input(Simulator(task, task.sample("probe", 1))).shape[1]
     weights = {
         "mean": rng.standard_normal(width),
@@ -216,7 +224,7 @@ def ship(task, folder):
         "bias1": rng.standard_normal(task.layout.action_dim),
     }
     data = save(weights)
-    folder.mkdir()
+    folder.mkdir(parents=True)
     (folder / f"{task.name}.safetensors").write_bytes(data)
     card = {"weights_sha256": hashlib.sha256(data).hexdigest()}
     (folder / f"{task.name}.json").write_text(json.dumps(card))

@@ -30,6 +30,7 @@ from reports.exhibits import (
     table_11,
     table_12,
     times,
+    two_experts,
 )
 
 EXHIBITS: tuple[Exhibit, ...] = (
@@ -45,6 +46,7 @@ EXHIBITS: tuple[Exhibit, ...] = (
     disturbed.EXHIBIT,
     *beyond.EXHIBITS,
     closed_loop.EXHIBIT,
+    *two_experts.EXHIBITS,
     table_11.EXHIBIT,
     figure_6.EXHIBIT,
     figure_6_time.EXHIBIT,

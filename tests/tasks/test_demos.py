@@ -32,7 +32,7 @@ def test_an_expert_applies_tanh_layers_to_normalised_inputs(task, shipped):
 
 
 def test_weights_that_do_not_match_their_card_are_refused(task, shipped, tmp_path):
-    path = tmp_path / "experts" / f"{task.name}.safetensors"
+    path = tmp_path / "experts" / "first" / f"{task.name}.safetensors"
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
     path.write_bytes(data)
@@ -290,9 +290,9 @@ def test_an_expert_that_always_fails_is_refused(task, shipped, monkeypatch):
 def test_other_weights_of_the_expert_give_other_demonstrations(task, shipped, tmp_path):
     before = demos.demos_path(task)
     data = save({name: 2 * values for name, values in shipped.items()})
-    (tmp_path / "experts" / f"{task.name}.safetensors").write_bytes(data)
+    (tmp_path / "experts" / "first" / f"{task.name}.safetensors").write_bytes(data)
     card = {"weights_sha256": hashlib.sha256(data).hexdigest()}
-    (tmp_path / "experts" / f"{task.name}.json").write_text(json.dumps(card))
+    (tmp_path / "experts" / "first" / f"{task.name}.json").write_text(json.dumps(card))
     assert demos.demos_path(task) != before
 
 

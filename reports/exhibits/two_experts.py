@@ -1,0 +1,74 @@
+"""How much hangs on the expert: success of methods that the first or the second one taught."""
+
+from functools import partial
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from reports.charts import add_legend, task_panels
+from reports.exhibit import Exhibit
+from reports.results import Results
+from reports.style import METHODS, TASKS, colour, marker, ordered
+from reports.tables import in_order, success_table, table_of
+from tasks.registry import EXPERTS
+
+
+def by_expert(results: Results, split: str) -> pd.DataFrame:
+    """Returns a row for each method under each expert, and a column for each task.
+
+    Only methods and tasks with results under both experts are shown.
+    """
+    if set(results.experts) != set(EXPERTS):
+        return table_of()
+    parts = []
+    for name in EXPERTS:
+        taught = Results(results.folder, expert=name)
+        found = success_table(taught, taught.of_all(split=split), "method", "task")
+        parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
+    table = pd.concat(parts)
+    both = table.groupby(["method", "column"]).expert.transform("nunique") == len(EXPERTS)
+    rows = [f"{method} {name}" for method in METHODS for name in EXPERTS]
+    return in_order(table[both], rows)
+
+
+def lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
+    """Returns a panel for each task: a line for each method, from the first expert to the second.
+
+    Lines that cross are methods whose order depends on the expert.
+    """
+    tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
+    drawing, panels = task_panels(tasks, (2.9, 2), (0.6, 0.6))
+    for task, axes in panels.items():
+        here = table[table.column == task]
+        for method in methods:
+            part = here[here.method == method]
+            axes.plot(
+                part.expert.map(EXPERTS.index),
+                part.value,
+                f"-{marker(method, methods)}",
+                color=colour(method, methods),
+                ms=6,
+                mec="white",
+                mew=0.5,
+                label=exhibit.display(method),
+            )
+        axes.set_xticks(range(len(EXPERTS)), EXPERTS)
+        axes.set_xlim(-0.3, 1.3)
+    drawing.supxlabel("expert", fontsize=10)
+    drawing.supylabel(exhibit.axis, fontsize=10)
+    add_legend(drawing, exhibit)
+    return drawing
+
+
+EXHIBITS = tuple(
+    Exhibit(
+        name=f"two_experts_{split}",
+        title=f"How much hangs on the expert: {place}",
+        about=f"Success [%] {place}, of methods that learnt from the demonstrations of a task's"
+        " first or second expert. The two were trained alike, with other seeds.",
+        table=partial(by_expert, split=split),
+        part="robustness",
+        figure=lines,
+    )
+    for split, place in (("test", "test starts"), ("ood", "out of distribution"))
+)

@@ -1,0 +1,61 @@
+"""The judgement on an expert: how well its demonstrations can be imitated."""
+
+import json
+from functools import partial
+
+import pytest
+
+from bench import probe
+from bench.controller import ControllerConfig
+from tasks.experts import load_expert
+
+CARD = {
+    "task": "door",
+    "episodes": 10_000,
+    "success": {"probe": {"successes": 9500}},
+    "imitation": {"tracked": 0.97, "kodex": 0.93},
+}
+
+
+def test_an_expert_at_every_floor_passes():
+    assert probe.faults(CARD) == []
+
+
+@pytest.mark.parametrize(
+    ("worse", "fault"),
+    [
+        ({"success": {"probe": {"successes": 9499}}}, "95.0% of the starts of probe"),
+        ({"imitation": {"tracked": 0.968, "kodex": 0.93}}, "96.8% of the recorded motions"),
+        ({"imitation": {"tracked": 0.97, "kodex": 0.929}}, "92.9% is the success of KODex"),
+    ],
+)
+def test_an_expert_below_a_floor_fails_with_the_reason(worse, fault):
+    (found,) = probe.faults(CARD | worse)
+    assert found.startswith(fault)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_each_seed_has_demonstrations_controller_and_kodex_of_its_own(task, shipped):
+    config = partial(ControllerConfig, epochs=1)()
+    found = probe.probe(task, load_expert(task).policy, 6, config, (1, 2))
+    assert [row["seed"] for row in found["of_seed"]] == [1, 2]
+    first, second = found["of_seed"]
+    assert first["squared_hand_velocity"] != second["squared_hand_velocity"]
+    assert found["kodex"] == pytest.approx(
+        4 / 6, abs=1e-6
+    )  # two of six episodes fail, whatever is done
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_card_is_completed_with_imitation_and_verdict(task, shipped, tmp_path, monkeypatch):
+    monkeypatch.setattr(probe, "PROBED_SEEDS", (1, 2))
+    monkeypatch.setattr(probe, "PROBED", 6)
+    monkeypatch.setattr(probe, "ControllerConfig", partial(ControllerConfig, epochs=1))
+    path = tmp_path / "experts" / "first" / "door.json"
+    card = json.loads(path.read_text()) | {k: CARD[k] for k in ("task", "episodes", "success")}
+    path.write_text(json.dumps(card))
+    faults = probe.complete_card(task, path)
+    told = json.loads(path.read_text())
+    assert told["faults"] == faults != []
+    assert told["weights_sha256"] == card["weights_sha256"]
+    assert len(told["imitation"]["of_seed"]) == 2
