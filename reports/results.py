@@ -42,6 +42,7 @@ class Results:
 
     mixed: MixedProtocols | None = None
     """Rows that cannot be compared and are shown nevertheless."""
+    _expert = ""
 
     def __init__(self, folder: Path, with_shipped: bool = False, expert: str = "") -> None:
         """Opens results.

@@ -89,7 +89,10 @@ class Subset(Results):
 
     def __init__(self, frame, diverged=False, diagnostics="sound"):
         self.frame, self.diverged, self.kind = frame, diverged, diagnostics
-        self.folder, self.source = Path("made up"), SimpleNamespace(notes=list)
+        self.folder, self.source = (
+            Path("made up"),
+            SimpleNamespace(notes=list, frame=lambda: pd.DataFrame({"expert": ["first"]})),
+        )
 
     def outcomes(self, row):
         success = generator("subset", row["folder"]).random(row["episodes"]) < 0.5
