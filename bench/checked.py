@@ -36,7 +36,8 @@ def show(name: str, checked: Checked, asks: Mapping[str, str | None], seconds: f
 
     results = pd.DataFrame([asdict(result) for result in checked.results])
     variants = results.variant.nunique()
-    held = results.groupby("rule", sort=False).passed.all()
+    asked = results[results.tried | ~results.passed]
+    held = asked.groupby("rule", sort=False).passed.all()
     each = f" for each of {variants} variants" if variants > 1 else ""
     print(f"{name}: {held.sum()} of {len(held)} rules hold{each}, {seconds:.0f} s")
     broken = results[results.tried & ~results.passed]

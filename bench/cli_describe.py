@@ -10,14 +10,14 @@ from rich.table import Table
 
 from bench.options import AsJson
 from tasks.disturbances import UNDISTURBED, meaning_of
-from tasks.registry import task_names
+from tasks.registry import task_names, unusable_tasks
 from tasks.words import count_of
 
 
 def list_names(as_json: AsJson = False) -> None:
     """List the names of all tasks, methods, experiments and presets."""
     from bench.presets import PRESETS, experiment_names
-    from methods.registry import method_names
+    from methods.registry import method_names, unusable
 
     names = {
         "tasks": task_names(),
@@ -30,6 +30,8 @@ def list_names(as_json: AsJson = False) -> None:
         return
     for kind, known in names.items():
         print(f"{kind}: {', '.join(known)}")
+    if faulty := [*unusable_tasks(), *unusable()]:
+        print(f"unusable, see bench doctor: {', '.join(faulty)}")
 
 
 def describe(
@@ -68,7 +70,8 @@ def _print_task(facts: dict[str, Any]) -> None:
     _print_table("what the success rule reads", [facts["reading"]])
     _print_table("starts, drawn uniformly", _start_rows(facts))
     changes = facts["physics"].items()
-    _print_table("physics", [{"name": name, **(change or {})} for name, change in changes])
+    if len(changes) > 1:
+        _print_table("physics", [{"name": name, **(change or {})} for name, change in changes])
 
 
 def _print_method(facts: dict[str, Any]) -> None:

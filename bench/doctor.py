@@ -15,14 +15,15 @@ from bench.guest_tasks import known_task
 from bench.plan import free_disk, total_memory
 from bench.renderer import renderer
 from methods.registry import package_methods, unusable
+from tasks.base import Task
 from tasks.cache import cache_folder, writable_cache
 from tasks.demos import demos_path
 from tasks.errors import InputError
-from tasks.experts import load_expert
+from tasks.experts import experts_of, load_expert
 from tasks.files import writable_folder
 from tasks.packages import unreadable
 from tasks.pins import PINNED, UNPINNED, pin, processor
-from tasks.registry import TASKS, get_task, package_tasks, unusable_tasks
+from tasks.registry import FIRST, TASKS, get_task, package_tasks, unusable_tasks
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
 LEAST_MEMORY, LEAST_DISK = 4.0, 5.0
@@ -132,14 +133,19 @@ def _drawing() -> dict[str, Any]:
 
 
 def _experts() -> list[dict[str, Any]]:
-    rows = []
-    for name in TASKS:
-        task = get_task(name)
-        try:
-            load_expert(task)
-            made = demos_path(task, 1).exists()
-            found = "expert shipped, demonstrations " + ("made" if made else "not made yet")
-            rows.append({"what": name, "found": found, "advice": ""})
-        except InputError as error:
-            rows.append({"what": name, "found": "no expert", "advice": str(error)})
-    return rows
+    brought = [name for name in package_tasks() if not _refusal(partial(known_task, name))]
+    return [_expert(get_task(name)) for name in (*TASKS, *brought)]
+
+
+def _expert(task: Task) -> dict[str, Any]:
+    brought = task.name not in TASKS
+    if brought and not experts_of(task):
+        return {"what": task.name, "found": "task of a package, without an expert", "advice": ""}
+    try:
+        for name in experts_of(task) or (FIRST,):
+            load_expert(task, name)
+    except InputError as error:
+        return {"what": task.name, "found": "no expert", "advice": str(error)}
+    expert = "task of a package, with an expert" if brought else "expert shipped"
+    made = "made" if demos_path(task, 1).exists() else "not made yet"
+    return {"what": task.name, "found": f"{expert}, demonstrations {made}", "advice": ""}

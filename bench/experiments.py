@@ -19,6 +19,8 @@ from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL, READINGS
 from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, get_task
 
+CHANGE_PHYSICS = ("robustness", "closed_loop", "audit")
+"""Experiments that a task without variations of the physics cannot have."""
 EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
 REPLANS = (20, 5, 1)
 """Control steps between two predictions."""
@@ -155,9 +157,15 @@ def _variations(study: Study, experiment: str) -> tuple[str, ...]:
     by_task = {task: get_task(task).variations for task in study.tasks}
     for task, variations in by_task.items():
         if not variations:
+            others = [name for name in study.episodes if name not in CHANGE_PHYSICS]
+            cure = (
+                f"--experiments {','.join(others)} leaves it out"
+                if others
+                else "choose other experiments with --experiments"
+            )
             raise InputError(
                 f"the experiment {experiment} changes the physics, and task {task!r} defines no"
-                " `changes`: leave out the experiment with --experiments"
+                f" `changes`: {cure}"
             )
     return tuple(dict.fromkeys(name for names in by_task.values() for name in names))
 

@@ -20,8 +20,21 @@ def known_task(name: str) -> Task:
         InputError: there is no such task, or it cannot be used.
     """
     if name in package_tasks():
+        check_free(name)
         _try(name)
     return get_task(name)
+
+
+def check_free(name: str) -> None:
+    """Raises InputError if the name of a task is also that of something else."""
+    from bench.presets import PRESETS, experiment_names
+    from methods.registry import method_names
+
+    if name in (*method_names(), *experiment_names(), *PRESETS):
+        raise InputError(
+            f"task {name!r} of a package has the name of a method, an experiment or a preset:"
+            " rename its entry point and its class, or uninstall the package"
+        )
 
 
 @cache

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from bench.checked import ANOTHER_PROCESS, PRINTED, Checked
+from bench.guest_tasks import check_free
 from bench.isolation import apart, printed
 from tasks.checks import FIRST, check
 from tasks.errors import InputError
@@ -20,10 +21,11 @@ def check_task_apart(name: str) -> Checked:
     """Checks every rule on a task; also returns the start of its output. See `tasks.checks`.
 
     Raises:
-        InputError: there is no such task, or it cannot be used.
+        InputError: there is no such task, it cannot be used, or its name means something else.
     """
     if name not in task_names():
         raise unknown_task(name)
+    check_free(name)
     apart(_import, name)
     try:
         found, digest = apart(_tried, name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -101,8 +102,15 @@ class Task(ABC):
         """Returns a new, editable description of the nominal model: the file, with servo gains.
 
         Unused sensors are removed, which does not change the physics.
+
+        Raises:
+            InputError: MuJoCo cannot read the file.
         """
-        spec = mujoco.MjSpec.from_file(str(self.model_path))
+        try:
+            spec = mujoco.MjSpec.from_file(str(self.model_path))
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise InputError(f"{self.model_path} cannot be read: {reason}") from error
         for actuator in spec.actuators:
             gain = self.servo_gain(actuator.name)
             if gain is not None:
@@ -122,10 +130,10 @@ class Task(ABC):
     def model_hash(self) -> str:
         """SHA-256 of the names and contents of the model's XML, mesh and texture files."""
         digest = hashlib.sha256()
-        folder = self.model_path.parent
+        folder = self.model_path.parent.resolve()
         files = mujoco.mju_getXMLDependencies(str(self.model_path))
         for path in sorted({Path(file).resolve() for file in files}):
-            digest.update(f"{path.relative_to(folder.resolve())}\0".encode())
+            digest.update(f"{os.path.relpath(path, folder)}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()
 

@@ -7,7 +7,7 @@ from tasks.base import Task
 from tasks.data import CONTROL_STEP
 from tasks.masses import NOMINAL, Change
 from tasks.names import check_name
-from tasks.rule_results import require
+from tasks.rule_results import NotAskedError, require
 from tasks.simulator import SUBSTEPS, Simulator
 
 TOLERANCE = 1e-9
@@ -25,10 +25,20 @@ def declared(task: Task) -> None:
     """The class describes the task, and its model can be simulated in control steps of 10 ms."""
     if not type(task).__module__.startswith("tasks."):
         check_name("task", task.name)
-    require(isinstance(task.horizon, int) and task.horizon > 1, "horizon must be 2 or more states")
+    for name in ("summary", "rule"):
+        text = getattr(task, name)
+        require(isinstance(text, str) and text, f"{name} must be a text, got {text!r}")
+    horizon, joints = task.horizon, task.robot_dim
+    require(
+        isinstance(horizon, int) and horizon > 1,
+        f"horizon must be a whole number of 2 or more states, got {horizon!r}",
+    )
     require(task.failure_modes, "failure_modes must name at least one")
     model = task.model
-    require(0 < task.robot_dim <= model.njnt, f"robot_dim must be 1 to {model.njnt}, its joints")
+    require(
+        isinstance(joints, int) and 0 < joints <= model.njnt,
+        f"robot_dim must be 1 to {model.njnt}, the joints of the model, got {joints!r}",
+    )
     for joint in (model.joint(i) for i in range(task.robot_dim)):
         require(
             joint.type[0] in _PLAIN, f"joint {joint.name!r} of the hand must be a hinge or a slide"
@@ -54,10 +64,13 @@ def declared(task: Task) -> None:
             f"a range of starts needs {width} numbers low, each below that of high: {box}",
         )
     require(task.out_of_distribution, "out_of_distribution needs a range")
+    require(task.model_hash, "the files of the model must be found")
 
 
 def physics_touches_what_it_names(task: Task) -> None:
     """Each of `changes` gives the named elements the named value, and no others."""
+    if not task.changes:
+        raise NotAskedError("the class has no `changes`")
     for name, change in task.changes.items():
         require(name != NOMINAL, f"a change must not have the name {NOMINAL!r}")
         _check_change(task, name, change)

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tasks.errors import InputError, unknown_name
-from tasks.packages import Group
+from tasks.packages import Group, PackageError
 
 if TYPE_CHECKING:
     from tasks.base import Task
@@ -52,7 +52,10 @@ def unusable_tasks() -> dict[str, str]:
 
 def unknown_task(name: str) -> InputError:
     """Returns the error for a name not in `task_names`, with the reason if it is unusable."""
-    return _BROUGHT.unknown(name, task_names())
+    error = _BROUGHT.unknown(name, task_names())
+    if isinstance(error, PackageError):
+        return error
+    return InputError(f"{error}; a task of a package is known while that package is installed")
 
 
 def get_task(name: str, rule: str = APPENDIX) -> Task:

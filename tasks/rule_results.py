@@ -6,6 +6,7 @@ A rule is a function that raises `RuleBrokenError` if it is broken.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from unittest import SkipTest
 
 from tasks.errors import reason_of
 
@@ -15,6 +16,10 @@ Needs = Callable[[str], Sequence[str]]
 
 class RuleBrokenError(AssertionError):
     """A rule is broken; the message gives the reason."""
+
+
+class NotAskedError(SkipTest):
+    """A rule asks for nothing, since a task lacks what it is about. A test that runs it skips."""
 
 
 class UntriedError(Exception):
@@ -34,7 +39,8 @@ class RuleResult:
     seconds: float
     tried: bool = True
     """False if the rule needs another one that is broken, or fails with the same error. The message
-    then names that rule: ``needs RULE``, or ``meets the error of RULE``."""
+    then names that rule: ``needs RULE``, or ``meets the error of RULE``. False too, though passed,
+    if the rule asks for nothing; the message then says why."""
 
 
 def require(holds: object, message: str) -> None:
@@ -79,7 +85,10 @@ def run_rules(
 def try_rule(name: str, rule: Callable[[], None], variant: str | None = None) -> RuleResult:
     """Returns the result of one rule, which needs no other."""
     began = perf_counter()
-    message, tried = _fault(rule)
+    try:
+        message, tried = _fault(rule)
+    except NotAskedError as error:
+        return RuleResult(name, variant, True, str(error), perf_counter() - began, tried=False)
     return RuleResult(name, variant, not message, message, perf_counter() - began, tried)
 
 
@@ -87,6 +96,8 @@ def _fault(rule: Callable[[], None]) -> tuple[str, bool]:
     """Why a rule does not hold, or an empty text; and whether it could be tried."""
     try:
         rule()
+    except NotAskedError:
+        raise
     except UntriedError as error:
         return f"needs {error}", False
     except RuleBrokenError as error:

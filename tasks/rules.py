@@ -16,7 +16,7 @@ from tasks.data import FloatArray, IntArray, generator
 from tasks.experts import experts_of, load_expert
 from tasks.observed import COUNT, Seen, Wander, observe, policies, seen
 from tasks.recorder import record
-from tasks.rule_results import RuleBrokenError, require
+from tasks.rule_results import NotAskedError, RuleBrokenError, require
 from tasks.simulator import Simulator, rollout
 
 STARTS = 200
@@ -49,6 +49,10 @@ def answers(task: Task) -> None:
         f"success must return {COUNT} booleans for {COUNT} episodes, got {success.dtype}"
         f" {success.shape}",
     )
+    for found in seen(task):
+        for name, numbers in (("state", found.states), ("read", found.readings[:, :, None])):
+            bad = np.argwhere(~np.isfinite(numbers))
+            require(not len(bad), f"{name} is not finite at {_place(task, name, bad)}")
     found = seen(task)[0]
     others = task.failed_by(found.after_steps, found.watched[:, 1:])
     named = len(task.failure_modes) - 1
@@ -193,14 +197,13 @@ def decided_is_final(task: Task) -> None:
 
 def expert_demonstrates(task: Task) -> None:
     """The expert, if there is one, succeeds from at least one start in ten."""
-    if experts_of(task):
-        success, _ = record(
-            task, task.sample("demo", TRIED, 1), load_expert(task).policy, threads=1
-        )
-        require(
-            10 * success.sum() >= TRIED,
-            f"the expert succeeds from {success.sum()} of {TRIED} starts, fewer than one in ten",
-        )
+    if not experts_of(task):
+        raise NotAskedError("the class has no `expert`")
+    success, _ = record(task, task.sample("demo", TRIED, 1), load_expert(task).policy, threads=1)
+    require(
+        10 * success.sum() >= TRIED,
+        f"the expert succeeds from {success.sum()} of {TRIED} starts, fewer than one in ten",
+    )
 
 
 def _same(now: Seen, before: Seen, when: str) -> None:
@@ -208,6 +211,13 @@ def _same(now: Seen, before: Seen, when: str) -> None:
     for name, value in vars(before).items():
         if not np.array_equal(getattr(now, name), value, equal_nan=True):
             raise RuleBrokenError(f"the {name} of the same episodes differ {when}")
+
+
+def _place(task: Task, name: str, places: IntArray) -> str:
+    """The first of several places (N, 3): episode, control step and number."""
+    episode, step, number = places[0] if len(places) else (0, 0, 0)
+    component = task.reading if name == "read" else task.components[number]
+    return f"control step {step} of episode {episode}: {component.name}"
 
 
 def _rows(found: Seen, rows: IntArray) -> Seen:

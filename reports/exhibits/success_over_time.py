@@ -110,10 +110,11 @@ EXHIBIT = Exhibit(
     name="success_over_time",
     title="Success over time",
     about="Figure: the share of episodes from test starts that would have succeeded had they ended"
-    " at that time; bands reach from the lowest seed to the highest. Tool and Door are judged at"
-    " the last step alone, so their share can fall again; Relocation and Reorientation count steps,"
-    " so success stays once reached. Tool and Door are missing where readings are not stored, as in"
-    " packed results. Table: when a method reaches half of its final success [s].",
+    " at that time; bands reach from the lowest seed to the highest. On tasks that are judged at"
+    " the last step alone (Tool, Door), the share can fall again; where steps are counted"
+    " (Relocation, Reorientation), success stays once reached. The former are missing where"
+    " readings are not stored, as in packed results. Table: when a method reaches half of its final"
+    " success [s].",
     table=table,
     unit="s",
     digits=2,

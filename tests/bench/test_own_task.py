@@ -143,7 +143,7 @@ def test_check_task_names_the_broken_rule_and_what_it_asks(install, bench):
     install("    def place(self, batch, values):\n        pass\n")
     code, said, _ = bench("check-task", "mine")
     assert code == 3
-    assert said.startswith("mine: 14 of 15 rules hold, ")
+    assert said.startswith("mine: 13 of 14 rules hold, ")
     assert "BROKEN starts_show_in_the_state: another button_x gives the same first state" in said
     assert "the rule: Each number of a start changes the first state" in said
 
@@ -169,7 +169,10 @@ def test_a_task_without_an_expert_asks_for_demonstrations(install, bench):
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("run", "paper", "--experiments", "robustness"), "'mine' defines no `changes`: leave out"),
+        (
+            ("run", "paper", "--experiments", "robustness"),
+            "'mine' defines no `changes`: choose other",
+        ),
         (("run", "beyond", "--experiments", "closed_loop"), "'mine' defines no `changes`"),
         (("expert", "train"), "no expert of 'mine' can be trained: its class defines no `recipe`"),
         (("demos", "export"), "no Minari format is known for 'mine': its class defines no"),
@@ -244,3 +247,40 @@ def test_an_unknown_task_is_refused_with_the_nearest_name(bench):
     with pytest.raises(InputError, match="did you mean 'relocation'"):
         get_task("relocate")
     assert bench("check-task", "dor")[0] == 2
+
+
+def test_the_example_on_the_shadow_hand_runs(site, bench, tmp_path):
+    example = Path(__file__).parents[2] / "docs/examples/shadow"
+    site.mkdir(exist_ok=True)
+    shutil.copy(example / "shadow.py", site)
+    noted = site / "shadow-1.0.dist-info"
+    noted.mkdir()
+    (noted / "METADATA").write_text("Metadata-Version: 2.1\nName: shadow\nVersion: 1.0\n")
+    (noted / "entry_points.txt").write_text("[bench.tasks]\nshadow = shadow:Shadow\n")
+    forget()
+    out = tmp_path / "results"
+    run = ("smoke", "--tasks", "shadow", "--methods", "nearest,expert", "--experiments", "success")
+    code, _, err = bench("run", *run, "--episodes", "5", "--jobs", "1", "--out", str(out))
+    assert code == 0, err
+    assert set(Results(out).frame().method) == {"nearest", "expert"}
+    code, printed, _ = bench("doctor")
+    assert re.search(r"shadow: task of a package, with an expert", printed)
+
+
+def test_a_task_with_the_name_of_a_method_is_refused(install, bench):
+    install(name="kodex")
+    code, _, err = bench("check-task", "kodex")
+    assert code == 2
+    assert "'kodex' of a package has the name of a method" in err
+
+
+def test_results_of_a_task_that_is_no_longer_installed_say_so(site):
+    with pytest.raises(InputError, match="known while that package is installed"):
+        get_task("press")
+
+
+def test_an_experiment_in_changed_physics_names_what_works_without(install, bench):
+    install()
+    code, _, err = bench("plan", "paper", "--tasks", "mine", "--out", "results")
+    assert code == 2
+    assert "--experiments sizes,success,ood,lifting,stability,efficiency leaves it out" in err

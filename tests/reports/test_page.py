@@ -1,5 +1,6 @@
 """The page in a browser."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -271,6 +272,8 @@ def test_headings_are_closed_and_a_link_opens_its_target(opened, report):
     parts = view.locator("details.part")
     headings = ["Success", "Robustness", "Data and time", "KODex inside", "Audit", "Provenance"]
     assert parts.locator("h2").all_inner_texts() == headings
+    provenance = view.locator("#provenance summary").inner_text()
+    assert re.search(r"\d+ evaluations, [\d,]+ episodes", provenance)
     assert view.locator("details[open]").count() == 0
     assert not view.locator("#figure_5").is_visible()
     view.evaluate("location.hash = '#figure_5'")

@@ -157,7 +157,7 @@ def weighs(name, value):
 BROKEN = [
     ("declared", {"specification": slower}, "timestep must be 0.002 s, got 0.001"),
     ("declared", {"robot_dim": 9}, "robot_dim must be 1 to 4"),
-    ("declared", {"horizon": 1}, "horizon must be 2 or more"),
+    ("declared", {"horizon": 1}, "horizon must be a whole number of 2 or more"),
     ("declared", {"in_distribution": Range((-0.1, 0.1), (0.1, -0.1))}, "below that of high"),
     ("answers", {"object_components": (Component("depth", "m", "qpos depth"),)}, "state returns"),
     ("answers", {"failure_modes": ("missed", "too little")}, "failed_by must return 1 array"),
