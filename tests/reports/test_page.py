@@ -60,6 +60,7 @@ class Few(Results):
     finished = ("2026-01-02", "2026-01-03", "2026-01-05")
     source = None
     """It has no fits."""
+    experts = ("first",)
 
     def __init__(self, methods, notes=(NOTE,)):
         self.folder, self._notes = Path("my-study"), notes

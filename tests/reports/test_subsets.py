@@ -86,6 +86,7 @@ class Subset(Results):
     frame = pd.DataFrame()
     provenance = ()
     finished = ()
+    experts = ("first",)
 
     def __init__(self, frame, diverged=False, diagnostics="sound"):
         self.frame, self.diverged, self.kind = frame, diverged, diagnostics
