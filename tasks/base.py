@@ -160,7 +160,7 @@ class Task(ABC):
             split: name of the split.
             n: number of starts.
             seed: of a study, from 1. Each seed has starts of its own. The starts of seed 0 belong
-                to no study: experts are trained and chosen on them, and users record on them.
+                to no study: experts are judged on them, and users record on them.
 
         Raises:
             InputError: there is no such split, or n or the seed is negative.
