@@ -92,6 +92,7 @@ def _pairs(rows: pd.DataFrame) -> Iterator[tuple[str, tuple[str, str], pd.Series
 
 def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
     """The evaluations of the suite's methods that are compared, one for each seed."""
+    paper = get_preset("paper")
     rows = frame[
         frame.task.isin(tasks)
         & frame.method.isin(SUITE)
@@ -99,11 +100,11 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
         & frame[[*PLAIN]].eq(list(PLAIN.values())).all(axis=1)
         & (frame.variant == "described")
         & (frame.settings == "")
+        & (frame.expert == paper.taught_by)
         & (frame.weights == "")
         & (frame.held_out == 0)
         & frame.controller.isin([ORIGINAL, NO_CONTROLLER])
     ]
-    paper = get_preset("paper")
     chosen = chosen_sizes(paper, frame)
     sizes = {
         (task, name): used_size(paper, get_method(name), task, chosen)

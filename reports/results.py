@@ -91,6 +91,10 @@ class Results:
         """Which expert taught the methods that are shown."""
         return self._expert or next(iter(self.experts), FIRST)
 
+    def taught_by(self, expert: str) -> "Results":
+        """Returns the results of what that expert taught."""
+        return Results(self.folder, expert=expert)
+
     @property
     def notes(self) -> list[str]:
         """What a reader must know of all results, such as a reduced protocol."""

@@ -212,7 +212,7 @@ def reference(paper, task, monkeypatch, tmp_path):
 
 def ship(task, folder, name):
     """Ships a small random expert under the name ``first`` or ``second``; returns its weights."""
-    rng = generator("random expert", task.name, name)
+    rng = generator("random expert", task.name, *(() if name == "first" else (name,)))
     folder = folder / name
     width = experts.expert_input(Simulator(task, task.sample("probe", 1))).shape[1]
     weights = {

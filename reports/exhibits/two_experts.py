@@ -22,7 +22,7 @@ def by_expert(results: Results, split: str) -> pd.DataFrame:
         return table_of()
     parts = []
     for name in EXPERTS:
-        taught = Results(results.folder, expert=name)
+        taught = results.taught_by(name)
         found = success_table(taught, taught.of_all(split=split), "method", "task")
         parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
     table = pd.concat(parts)

@@ -34,6 +34,7 @@ def row(task, method, seed, successes, **changes):
         "seed": seed,
         "demos_key": "key",
         "settings": "",
+        "expert": "first",
         "weights": "",
         "split": "test",
         "controller": "original",

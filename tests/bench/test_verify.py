@@ -56,7 +56,7 @@ def test_verify_judges_results_of_other_software_by_their_success(
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_results_from_other_demonstrations_are_refused(task, smoke, bench, tmp_path, monkeypatch):
     bench("run", "smoke", "--out", str(tmp_path), "--jobs", "1")
-    monkeypatch.setattr("bench.spec.demos_key", lambda task, pins: "other")
+    monkeypatch.setattr("bench.spec.expert_of", lambda task, chosen, pins: "")
     monkeypatch.setenv("BENCH_CACHE", str(tmp_path / "empty"))
     code, _, error = bench("verify", str(tmp_path), "--jobs", "1")
     assert code == 2
@@ -73,7 +73,7 @@ def test_results_of_other_kernels_are_refused_with_the_way_out_if_there_is_one(
     lost = asdict(stored.fit) | {"pins": UNPINNED}
     with pytest.raises(InputError, match=r"learnt from other .* \(its kernels: unpinned\)"):
         module.stored_fit(lost)
-    repeatable = lost | {"demos_key": demos_key(get_task("door"), UNPINNED)}
+    repeatable = lost | {"demos_key": demos_key(get_task("door"), pins=UNPINNED)}
     label = "door-kodex-described-single-n10-s1"
     with pytest.raises(InputError, match=f"^{label} is .* kernels marked unpinned.*: set BENCH_PI"):
         module.stored_fit(repeatable)

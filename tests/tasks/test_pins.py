@@ -138,7 +138,7 @@ def test_unpinned_fits_have_other_keys():
 
 def test_a_label_does_not_name_demonstrations_of_the_expert_whatever_the_kernels():
     (fit,) = fits_of(PRESETS["smoke"], "door", "kodex", "single")
-    key = demos_key(get_task("door"), "unpinned")
+    key = demos_key(get_task("door"), pins="unpinned")
     assert key != fit.demos_key
     assert replace(fit, pins="unpinned", demos_key=key).label == fit.label
 
