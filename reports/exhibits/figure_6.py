@@ -50,9 +50,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     drawing = Figure(figsize=(6.4, 3.2))
     parts = table.row.str.split(": ", n=1, expand=True)
     tasks, sets = table.column.drop_duplicates().tolist(), parts[0].drop_duplicates().tolist()
-    for axes, quantity in zip(
-        drawing.subplots(1, 2, gridspec_kw={"wspace": 0.3}), PANELS, strict=True
-    ):
+    for axes, quantity in zip(drawing.subplots(1, 2), PANELS, strict=True):
         shown = table[parts[1] == quantity].assign(row=table.column, column=parts[0])
         looks = zip(by_row(shown, tasks, sets, SPACING), cycle("o^sD"), strict=False)
         for (task, x, values), marker in looks:
