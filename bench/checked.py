@@ -1,9 +1,14 @@
 """The outcome of `bench check` and `bench check-task`, and how it is printed."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from textwrap import fill
 
+import typer
+
+from bench.doing import since_start
+from bench.options import SOME_FAILED
 from tasks.rule_results import RuleResult
 from tasks.words import count_of
 
@@ -21,6 +26,34 @@ class Checked:
     """The first lines that the method or task printed."""
     lines: int = 0
     """How many lines it printed."""
+
+
+def end_with(
+    checked: Checked,
+    name: str,
+    rules: Mapping[str, Callable[..., None]],
+    asks_elsewhere: str,
+    as_json: bool,
+) -> None:
+    """Prints the outcome of a check, and ends the command with code 3 if a rule is broken.
+
+    Args:
+        checked: the outcome.
+        name: of the method or task.
+        rules: by name; their docstrings say what they ask for.
+        asks_elsewhere: what the rule on another process asks for.
+        as_json: whether to print a JSON list of results.
+
+    Raises:
+        typer.Exit: a rule is broken.
+    """
+    if as_json:
+        print(json.dumps([asdict(result) for result in checked.results]))
+    else:
+        asks = {rule: check.__doc__ for rule, check in rules.items()}
+        show(name, checked, asks | {ANOTHER_PROCESS: asks_elsewhere}, since_start())
+    if not all(result.passed for result in checked.results):
+        raise typer.Exit(SOME_FAILED)
 
 
 def show(name: str, checked: Checked, asks: Mapping[str, str | None], seconds: float) -> None:

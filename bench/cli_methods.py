@@ -1,14 +1,11 @@
 """`bench check` and `bench new-method`: add a method of your own."""
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.doing import since_start
-from bench.options import SOME_FAILED, AsJson
+from bench.options import AsJson
 
 
 def check(
@@ -18,18 +15,11 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check every variant of a method against every rule. Exit code 3 if a rule is broken."""
-    from bench.checked import ANOTHER_PROCESS, show
+    from bench.checked import end_with
     from bench.checking import ASKS, check_apart
     from methods.checks import RULES
 
-    checked = check_apart(method)
-    if as_json:
-        print(json.dumps([asdict(result) for result in checked.results]))
-    else:
-        asks = {name: rule.__doc__ for name, rule in RULES.items()} | {ANOTHER_PROCESS: ASKS}
-        show(method, checked, asks, since_start())
-    if not all(result.passed for result in checked.results):
-        raise typer.Exit(SOME_FAILED)
+    end_with(check_apart(method), method, RULES, ASKS, as_json)
 
 
 def new_method(

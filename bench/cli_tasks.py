@@ -1,30 +1,20 @@
 """`bench check-task` and `bench new-task`: add a task of your own."""
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.doing import since_start
-from bench.options import SOME_FAILED, AsJson, TaskName
+from bench.options import AsJson, TaskName
 
 
 def check_task(task: TaskName, as_json: AsJson = False) -> None:
     """Check a task against every rule. Exit code 3 if a rule is broken."""
-    from bench.checked import ANOTHER_PROCESS, show
+    from bench.checked import end_with
     from bench.task_checking import ASKS, check_task_apart
     from tasks.checks import RULES
 
-    checked = check_task_apart(task)
-    if as_json:
-        print(json.dumps([asdict(result) for result in checked.results]))
-    else:
-        asks = {name: rule.__doc__ for name, rule in RULES.items()} | {ANOTHER_PROCESS: ASKS}
-        show(task, checked, asks, since_start())
-    if not all(result.passed for result in checked.results):
-        raise typer.Exit(SOME_FAILED)
+    end_with(check_task_apart(task), task, RULES, ASKS, as_json)
 
 
 def new_task(
