@@ -7,7 +7,7 @@ from methods.kodex import Kodex, KodexConfig
 from methods.lifting import get_observables, lift
 from tasks.data import Demos, FloatArray, Layout, Starts, generator
 
-# Dimensions of the tool task, whose lifted state is the largest (763).
+# Dimensions of the tool task, whose lifted state is the largest: 763 observables and 1.
 LAYOUT = Layout(robot_dim=26, object_dim=15, action_dim=26)
 HORIZON = 100
 LOOP_DEMOS, LOOP_STARTS = 2, 20
@@ -66,7 +66,7 @@ def loop_over_starts(kodex: Kodex, starts: FloatArray):
 
     def run() -> None:
         for start in starts:
-            z = lift(start, 26, get_observables(3))
+            z = np.append(lift(start, 26, get_observables(3)), 1.0)
             for _ in range(HORIZON - 1):
                 z = kodex.koopman @ z
 
@@ -77,7 +77,7 @@ def loop_over_starts(kodex: Kodex, starts: FloatArray):
 def test_rollout(compare, demos, name):
     kodex = Kodex(KodexConfig(), LAYOUT)
     scale = {"state_mean": np.zeros(41), "state_scale": np.ones(41)}
-    koopman = np.linalg.qr(generator(name).standard_normal((763, 763)))[0]
+    koopman = np.linalg.qr(generator(name).standard_normal((764, 764)))[0]
     kodex.load({"koopman": koopman, **scale})
     starts = generator(name, "starts").standard_normal((10_000, 41))
     compare(
