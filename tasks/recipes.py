@@ -216,8 +216,8 @@ def reorientation_reward(batch: Batch) -> FloatArray:
 RECIPES = {
     "tool": Recipe(
         tool_reward,
-        # rewards per step for reaching and lifting make it lunge for the hammer; penalties six
-        # times relocation's did not stop it
+        # rewards per step for reaching and lifting make it lunge for the hammer; a hand_speed of
+        # 0.3 did not stop it
         hand_speed=1.0,
         action_rate=5.0,
         offset=0.1,
@@ -227,7 +227,7 @@ RECIPES = {
     ),
     "door": Recipe(
         door_reward,
-        # ten and five times relocation's: there is time to open the door slowly
+        # there is time to open the door slowly
         hand_speed=0.5,
         action_rate=5.0,
         offset=0.1,  # fingers that barely hook the handle miss it when tracked
@@ -235,7 +235,16 @@ RECIPES = {
         learning_rate=1e-3,
         calm=(0.4, 0.6),  # earlier penalties make it give up before it opens the door
     ),
-    "relocation": Recipe(relocation_reward, action_rate=1.0, hand_speed=0.05, episodes=128),
+    "relocation": Recipe(
+        relocation_reward,
+        # with a third of these, and without errors of the actions, 78 to 98% of its motions were
+        # tracked: a ball that is barely held is dropped
+        action_rate=3.0,
+        hand_speed=0.2,
+        offset=0.1,
+        steps=8_000_000,
+        episodes=128,
+    ),
     "reorientation": Recipe(
         reorientation_reward,
         action_rate=3.0,
