@@ -17,7 +17,7 @@ demo: install ## The same with the smallest study, in minutes
 	$(BIN)/bench report results/smoke
 
 test: install-dev check ## Install with all extras, then lint, types, import rules and tests
-	$(BIN)/pytest --numprocesses 2 --dist loadfile
+	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 check: install-dev ## Lint, types and import rules
 	$(BIN)/ruff format --check .
