@@ -28,7 +28,7 @@ def test_the_best_size_on_validation_starts_is_chosen_and_the_first_of_equals():
     rows = [("nn", "small", 1, 10), ("nn", "small", 2, 20), ("nn", "median", 1, 25)]
     rows += [("nn", "median", 2, 5), ("nn", "large", 1, 14), ("lstm", "large", 1, 3)]
     frame = pd.DataFrame(rows, columns=["method", "size", "seed", "successes"]).assign(
-        task="door", split="validation", variant="described", demos=200, episodes=50
+        task="door", split="validation", variant="described", demos=200, episodes=50, expert="first"
     )
     other = frame.assign(split="test", successes=50)
     chosen = chosen_sizes(study, pd.concat([other, frame]))
