@@ -27,14 +27,19 @@ def known_task(name: str) -> Task:
 
 def check_free(name: str) -> None:
     """Raises InputError if the name of a task is also that of something else."""
-    from bench.presets import PRESETS, experiment_names
-    from methods.registry import method_names
-
-    if name in (*method_names(), *experiment_names(), *PRESETS):
+    if name in names_beside_tasks():
         raise InputError(
             f"task {name!r} of a package has the name of a method, an experiment or a preset:"
             " rename its entry point and its class, or uninstall the package"
         )
+
+
+def names_beside_tasks() -> list[str]:
+    """Returns the names of methods, experiments and presets."""
+    from bench.presets import PRESETS, experiment_names
+    from methods.registry import method_names
+
+    return [*method_names(), *experiment_names(), *PRESETS]
 
 
 @cache

@@ -9,11 +9,10 @@ from tasks.files import whole_folder
 
 def taken_names() -> list[str]:
     """Returns the names that a new method or task cannot have, since they mean something else."""
-    from bench.presets import PRESETS, experiment_names
-    from methods.registry import method_names
+    from bench.guest_tasks import names_beside_tasks
     from tasks.registry import task_names
 
-    return [*method_names(), *task_names(), *experiment_names(), *PRESETS]
+    return [*task_names(), *names_beside_tasks()]
 
 
 def write_package(template: str, name: str, target: Path) -> None:

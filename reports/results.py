@@ -70,8 +70,7 @@ class Results:
         Raises:
             InputError: there are none.
         """
-        stored = self.source.frame()
-        found = labelled(stored[stored.expert == self.expert])
+        found = labelled(self._everything[self._everything.expert == self.expert])
         if found.empty:
             raise InputError(
                 "there are no evaluations to show yet: bench status shows the progress"
@@ -84,7 +83,11 @@ class Results:
     @cached_property
     def experts(self) -> list[str]:
         """Which experts have taught methods in the results, the first one first."""
-        return ordered(self.source.frame().expert, EXPERTS)
+        return ordered(self._everything.expert, EXPERTS)
+
+    @cached_property
+    def _everything(self) -> pd.DataFrame:
+        return self.source.frame()
 
     @property
     def expert(self) -> str:

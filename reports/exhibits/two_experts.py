@@ -1,4 +1,4 @@
-"""How much hangs on the expert: success of methods that the first or the second one taught."""
+"""Success of methods that learnt from the first expert of a task, and from the second."""
 
 from functools import partial
 
@@ -63,7 +63,7 @@ def lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 EXHIBITS = tuple(
     Exhibit(
         name=f"two_experts_{split}",
-        title=f"How much hangs on the expert: {place}",
+        title=f"Success under each of two experts: {place}",
         about=f"Success [%] {place}, of methods that learnt from the demonstrations of a task's"
         " first or second expert. The two were trained alike, with other seeds.",
         table=partial(by_expert, split=split),
