@@ -78,12 +78,12 @@ class Fit:
             values["config"] = {k: v for k, v in self.config.items() if k not in machine}
         return values
 
-    @property
+    @cached_property
     def of_expert(self) -> bool:
         """Whether its demonstrations are the expert's, as this installation makes them."""
         return bool(expert_of(get_task(self.task), self.demos_key, self.pins))
 
-    @property
+    @cached_property
     def label(self) -> str:
         """A readable name, for folders and messages.
 

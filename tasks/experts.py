@@ -7,6 +7,7 @@ shipped in `tasks/experts/`. A task of a package brings its own, see `tasks.base
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -102,13 +103,20 @@ def load_expert(task: Task, name: str = FIRST) -> LoadedExpert:
                 " policy of yours"
             )
         return LoadedExpert(own, {})
+    weights = path.with_suffix(".safetensors")
+    return _shipped(path, weights, path.stat().st_mtime_ns, weights.stat().st_mtime_ns)
+
+
+@lru_cache
+def _shipped(path: Path, weights: Path, *changed: int) -> LoadedExpert:
+    """Reads a shipped expert, once unless a file has ``changed``: every key asks for it."""
     card = json.loads(path.read_text())
-    data = path.with_suffix(".safetensors").read_bytes()
+    data = weights.read_bytes()
     digest = hashlib.sha256(data).hexdigest()
     if digest != card[_DIGEST]:
         raise InputError(
-            f"the weights of the {name} expert of {task.name} have SHA-256 {digest}, but its card"
-            f" says {card[_DIGEST]}: reinstall the package"
+            f"the weights of the {path.parent.name} expert of {path.stem} have SHA-256 {digest},"
+            f" but its card says {card[_DIGEST]}: reinstall the package"
         )
     return LoadedExpert(Expert(load(data)), card)
 
