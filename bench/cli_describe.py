@@ -30,8 +30,8 @@ def list_names(as_json: AsJson = False) -> None:
         return
     for kind, known in names.items():
         print(f"{kind}: {', '.join(known)}")
-    if faulty := [*unusable_tasks(), *unusable()]:
-        print(f"unusable, see bench doctor: {', '.join(faulty)}")
+    for fault in (*unusable_tasks().values(), *unusable().values()):
+        print(f"unusable: {fault}")
 
 
 def describe(

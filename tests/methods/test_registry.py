@@ -150,11 +150,12 @@ def test_an_entry_point_that_is_not_a_valid_method_is_refused(install, value, te
         get_method("bad")
 
 
-def test_doctor_lists_unusable_methods(install, bench):
+def test_doctor_and_list_say_why_methods_are_unusable(install, bench):
     install("evil", "expert = evil:Evil", evil=METHOD.format("Evil", "expert"))
     rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
     assert rows["method 'expert'"]["found"] == "unusable"
     assert "uninstall evil" in rows["method 'expert'"]["advice"]
+    assert "unusable: evil provides a method that cannot be used: a method cannot" in bench("list")[1]
 
 
 @pytest.mark.parametrize("points", ["nonsense", "\xff = a:b"])
