@@ -285,21 +285,30 @@ class Results:
 
     def _episodes(self, evaluations: pd.DataFrame) -> tuple[BoolArray, BoolArray]:
         """Returns success and divergence (R, N) of the first ``episodes`` of each seed."""
-        rows = evaluations.sort_values("seed").to_dict("records")
-        found = [[part[: row["episodes"]] for part in self._stored(row)] for row in rows]
-        success, diverged = (np.stack(parts) for parts in zip(*found, strict=True))
-        return success, diverged
+        rows = evaluations.sort_values("seed")
+        places = zip(*(rows[name] for name in ("folder", *CONDITIONS)), strict=True)
+        found = [
+            self._stored(place, rows, i)[:, :count]
+            for i, (place, count) in enumerate(zip(places, rows.episodes, strict=True))
+        ]
+        both = np.stack(found)
+        return both[:, 0], both[:, 1]
 
-    def _stored(self, row: Mapping[Any, Any]) -> tuple[BoolArray, BoolArray]:
-        """Returns success and divergence (N,) of a row of the frame, read once."""
-        place = tuple(row[name] for name in ("folder", *CONDITIONS))
+    def _stored(self, place: tuple[str, ...], rows: pd.DataFrame, i: int) -> BoolArray:
+        """Returns success and divergence (2, N) of row i of the frame, read once.
+
+        Args:
+            place: the row's folder and conditions.
+            rows: some of the frame.
+            i: which of them.
+        """
         if place not in self._read:
-            found = self.outcomes(dict(row))
-            self._read[place] = found.success.to_numpy(bool), found.diverged.to_numpy(bool)
+            found = self.outcomes(rows.iloc[i].to_dict())
+            self._read[place] = found[["success", "diverged"]].to_numpy(bool).T
         return self._read[place]
 
     @cached_property
-    def _read(self) -> dict[tuple[str, ...], tuple[BoolArray, BoolArray]]:
+    def _read(self) -> dict[tuple[str, ...], BoolArray]:
         """Cache of `_stored`, by folder and conditions."""
         return {}
 
