@@ -23,7 +23,12 @@ from bench.interrupts import Interrupts
 from bench.isolation import Failure
 from tasks.errors import InputError
 
-BACKENDS = ("loky", "dask")
+DASK = pytest.param("dask", marks=pytest.mark.long)
+BACKENDS = ("loky", DASK)
+
+
+def on_dask(jobs):
+    return pytest.param(Workers(jobs, "dask"), marks=pytest.mark.long)
 
 
 def outcome(jobs, where):
@@ -47,7 +52,7 @@ def test_a_job_that_raises_fails_with_its_reason_and_the_others_run(backend):
     assert failure.tries == 1
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", ["loky", "dask"])
 @pytest.mark.filterwarnings("ignore")  # of the worker that is no more
 def test_a_job_that_kills_its_process_is_retried_alone_and_then_fails(backend):
     jobs = [(math.sqrt, (4.0,)), (os.abort, ()), *[(math.sqrt, (9.0,))] * 5]
@@ -148,7 +153,7 @@ def test_other_jobs_survive_the_death_of_workers_and_processes(backend, times, t
     figure("runs of 12 jobs completed", rounds)
 
 
-@pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(2, "dask")])
+@pytest.mark.parametrize("where", [Workers(1), Workers(2), on_dask(2)])
 def test_an_error_while_preparing_a_call_ends_the_run(where):
     def missing():
         raise InputError("there is nothing to work on")
@@ -170,7 +175,7 @@ def test_jobs_receive_arguments_as_large_as_demonstrations(backend):
     assert outcome(jobs, Workers(2, backend)) == sums
 
 
-@pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(1, "dask")])
+@pytest.mark.parametrize("where", [Workers(1), Workers(2), on_dask(1)])
 def test_a_job_that_exceeds_the_time_limit_fails(where):
     where = replace(where, limit=1)
     endless = "while True:\n try: time.sleep(30)\n except BaseException: pass"
@@ -192,7 +197,7 @@ VICES = {
 }
 
 
-@pytest.mark.parametrize("where", [Workers(1), Workers(2, "dask")])
+@pytest.mark.parametrize("where", [Workers(1), on_dask(2)])
 @pytest.mark.filterwarnings("ignore")
 def test_every_way_to_fail_gives_a_failure_with_its_reason(where):
     found = outcome([(exec, (code,)) for code, _ in VICES.values()], where)
@@ -225,7 +230,7 @@ STATE = """(
 )"""
 
 
-@pytest.mark.parametrize("where", [Workers(1), Workers(2), Workers(1, "dask")])
+@pytest.mark.parametrize("where", [Workers(1), Workers(2), on_dask(1)])
 def test_changes_of_a_job_to_its_process_do_not_reach_the_next_job(where):
     before, *_, after = outcome(
         [(eval, (STATE,)), *[(exec, (CHANGES,))] * 4, (eval, (STATE,))], where

@@ -19,10 +19,8 @@ import pytest
 from bench.backend import Workers
 from bench.driver import run
 from bench.presets import get_preset
-from bench.results import Results as StoredResults
+from bench.results import Results
 from bench.run_state import StateFile
-from reports.results import Results
-from reports.write import write_report
 
 COMMAND = [sys.executable, "-c", "from bench.cli import main; main()", "run", "smoke"]
 STUDY = ["--tasks", "relocation", "--methods", "kodex,nn,ndp", "--experiments", "sizes,success"]
@@ -42,19 +40,13 @@ def start(*options, **environment):
 def uninterrupted(tmp_path_factory):
     out = tmp_path_factory.mktemp("uninterrupted")
     assert start("--out", str(out), "--jobs", "1", OMP_NUM_THREADS="1").wait() == 0
-    write_report(Results(out), out / "report")
     return out
 
 
 @pytest.fixture
 def same(uninterrupted, files_of):
-    """Whether a folder and its tables are those of the uninterrupted run."""
-
-    def compare(folder):
-        write_report(Results(folder), folder / "report")
-        return files_of(folder) == files_of(uninterrupted)
-
-    return compare
+    """Whether a folder is that of the uninterrupted run."""
+    return lambda folder: files_of(folder) == files_of(uninterrupted)
 
 
 # Backend, jobs and threads; only the full count tries those after the second.
@@ -179,7 +171,7 @@ def test_damaged_results_are_set_aside_and_computed_again(
 
 def rates(folder):
     """The outcome of each stored evaluation, from which tables are made."""
-    frame = StoredResults(folder).frame()
+    frame = Results(folder).frame()
     if frame.empty:
         return {}
     places = zip(frame.folder, frame.split, frame.physics, strict=True)
