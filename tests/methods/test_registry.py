@@ -155,7 +155,7 @@ def test_doctor_and_list_say_why_methods_are_unusable(install, bench):
     rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
     assert rows["method 'expert'"]["found"] == "unusable"
     assert "uninstall evil" in rows["method 'expert'"]["advice"]
-    assert "unusable: evil provides a method that cannot be used: a method cannot" in bench("list")[1]
+    assert "unusable: evil provides a method that cannot be used" in bench("list")[1]
 
 
 @pytest.mark.parametrize("points", ["nonsense", "\xff = a:b"])
