@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
@@ -98,6 +98,14 @@ def seeds(text: str) -> tuple[int, ...]:
             raise InputError(f"--seeds takes at most {MOST_SEEDS:,} seeds, got {text!r}")
         found |= dict.fromkeys(range(first, last + 1))
     return tuple(found)
+
+
+def seeds_text(chosen: Collection[int]) -> str:
+    """Returns the text that `seeds` reads as these seeds, in ascending order."""
+    found = sorted(set(chosen))
+    if found == list(range(1, len(found) + 1)):
+        return str(len(found))
+    return ",".join(map(str, found)) + ("," if len(found) == 1 else "")
 
 
 def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], Any]:

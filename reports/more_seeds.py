@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from bench.labels import EXPERT, plain
+from bench.parsing import seeds_text
 from bench.presets import PRESETS
 from reports.pairing import FEWEST, common_seeds, demos_of_expert
 from reports.style import TASKS, ordered
@@ -44,7 +45,7 @@ def more_seeds(
     names = sorted(dict.fromkeys(map(plain, lacking)), key=lambda name: name == EXPERT)
     mine = rows[~rows.method.isin(shipped)]
     options = {
-        "seeds": _as_option(wanted),
+        "seeds": seeds_text(wanted),
         "tasks": ",".join(ordered(rows.task, TASKS)),
         "methods": ",".join(names),
         "out": str(folder),
@@ -67,11 +68,6 @@ def episodes_of(rows: pd.DataFrame) -> dict[str, int]:
         for name, those in zip(EXPERIMENTS, chosen, strict=True)
         if those.any()
     }
-
-
-def _as_option(seeds: Collection[int]) -> str:
-    count = len(seeds)
-    return str(count) if set(seeds) == {*range(1, count + 1)} else ",".join(map(str, sorted(seeds)))
 
 
 def _preset(episodes: Mapping[str, int], notes: Collection[str]) -> str:

@@ -10,6 +10,7 @@ from bench.checking import known
 from bench.labels import EXPERT, VALIDATION, labels_of, plain
 from bench.package_source import package_source
 from bench.packed import shipped
+from bench.parsing import seeds_text
 from bench.repeatable import check_repeatable
 from bench.results import Results as StoredResults
 from bench.submission import Origin, Submission, seal_submission
@@ -125,7 +126,7 @@ def _check_whole(results: Results, label: str, left: pd.DataFrame) -> None:
     raise InputError(
         f"{label} lacks what the shipped methods have: {named(left)}\n"
         f"run it: bench run paper --experiments {chosen} --tasks {','.join(left.task.unique())}"
-        f" --methods {plain(label)} --seeds {','.join(map(str, sorted(set(left.seed))))},"
+        f" --methods {plain(label)} --seeds {seeds_text(left.seed)}"
         f" --episodes {left.episodes.max()} --out {results.folder}\n"
         "or leave a task out of the row with --missing"
     )

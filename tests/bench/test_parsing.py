@@ -3,7 +3,7 @@
 import pytest
 
 from bench.cores import cores, count_jobs
-from bench.parsing import known_names, names, scalar, seeds, settings, whole_number
+from bench.parsing import known_names, names, scalar, seeds, seeds_text, settings, whole_number
 from tasks.errors import InputError
 
 
@@ -40,6 +40,14 @@ def test_every_name_of_a_list_is_checked():
 )
 def test_seeds_are_a_number_a_list_or_ranges(text, expected):
     assert seeds(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("chosen", "text"), [((1, 2, 3), "3"), ((4, 2, 4), "2,4"), ((7,), "7,"), ((1,), "1")]
+)
+def test_seeds_are_written_as_they_are_read(chosen, text):
+    assert seeds_text(chosen) == text
+    assert set(seeds(text)) == set(chosen)
 
 
 @pytest.mark.parametrize(
