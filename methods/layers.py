@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid
 
-from methods.product import product
 from tasks.data import FloatArray
+from tasks.product import product
 
 Weights = dict[str, Tensor]
 

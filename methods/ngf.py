@@ -34,8 +34,8 @@ from methods.base import check_above
 from methods.layers import Weights, linear, linear_weights, sigmoid, softplus
 from methods.network import NetworkConfig, NetworkMethod, windows
 from methods.ngf_gradient import AT_REST, NETWORKS, motion_with_gradient
-from methods.product import product
 from tasks.data import CONTROL_STEP, FloatArray
+from tasks.product import product
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,8 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from methods.layers import Weights, softplus
-from methods.product import plain_product
 from tasks.data import CONTROL_STEP
+from tasks.product import plain_product
 
 NETWORKS = ("geometry", "metric", "potential", "damping")
 _LAYERS = ("_context", "0", "1", "2")

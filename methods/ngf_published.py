@@ -24,9 +24,9 @@ from torch.nn import functional
 from methods.base import check_above
 from methods.layers import Weights, linear
 from methods.network import NetworkConfig, NetworkMethod
-from methods.product import product
 from tasks.data import FloatArray
 from tasks.errors import InputError
+from tasks.product import product
 
 BLOCKS, HEADS, DT = 4, 4, 0.01
 CORRECTIONS = ("geometry", "potential", "damping")

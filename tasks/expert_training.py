@@ -22,6 +22,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.utils import FloatSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
+from threadpoolctl import threadpool_limits
 
 from tasks.base import Task
 from tasks.checkpoints import (
@@ -40,6 +41,7 @@ from tasks.errors import InputError
 from tasks.experts import CLIP, Expert, evaluate
 from tasks.files import whole_file
 from tasks.pins import mark
+from tasks.product import product
 from tasks.recipes import Recipe, recipe_of
 
 CARD_EPISODES = 10_000
@@ -68,7 +70,7 @@ def train(task: Task, folder: Path, report: Report, seed: int = 1, threads: int 
     """
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with FileLock(folder / ".lock", timeout=0):
+        with FileLock(folder / ".lock", timeout=0), threadpool_limits(1, "blas"):
             Training(task, folder, seed, threads).run(report)
     except Timeout as error:
         raise InputError(f"another training is writing to {folder}: wait for it") from error
@@ -84,7 +86,7 @@ class Training:
 
     def __init__(self, task: Task, folder: Path, seed: int, threads: int) -> None:
         self.task, self.folder, self.seed, self.recipe = task, folder, seed, recipe_of(task)
-        torch.set_num_threads(1)  # more threads would add in another order, and gain little
+        torch.set_num_threads(1)  # as for BLAS: more would add in another order, and gain little
         self.episodes = EpisodesEnv(task, self.recipe, seed, threads)
         self.env = VecNormalize(
             self.episodes, gamma=self.recipe.discount, clip_obs=CLIP, epsilon=EPSILON
@@ -230,9 +232,31 @@ class WithoutTime(FlattenExtractor):
         return torch.nn.functional.pad(observations[:, :-1], (0, 1))
 
 
+class Linear(torch.nn.Linear):
+    """torch's layer by `tasks.product`, which computes the same on processors of all vendors."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Returns (B, K) for x (B, I)."""
+        return product(x[None], self.weight.mT[None])[0] + self.bias
+
+
 class TimeBlindPolicy(ActorCriticPolicy):
     """A reactive actor, and a critic that also sees the time, on which future reward depends."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.pi_features_extractor = WithoutTime(self.observation_space)
+        for layer in self.modules():
+            if isinstance(layer, torch.nn.Linear):
+                layer.__class__ = Linear
+
+    @staticmethod
+    def init_weights(module: torch.nn.Module, gain: float = 1.0) -> None:
+        """Sets a layer to orthogonal weights, by NumPy for the same reason as `Linear`."""
+        if isinstance(module, torch.nn.Linear):
+            rows, columns = module.weight.shape
+            drawn = torch.randn(max(rows, columns), min(rows, columns)).numpy()
+            q, r = np.linalg.qr(drawn)
+            weight = q * np.sign(np.diag(r))
+            module.weight.data = gain * torch.tensor(weight if rows > columns else weight.T)
+            module.bias.data.fill_(0.0)

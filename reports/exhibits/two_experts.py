@@ -65,7 +65,7 @@ EXHIBITS = tuple(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
         about=f"Success [%] {place}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert. The two were trained alike, with other seeds.",
+        " first or second expert. The two come from separate trainings.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,

@@ -7,7 +7,9 @@ import pytest
 
 from bench import probe
 from bench.controller import ControllerConfig
-from tasks.experts import load_expert
+from tasks.experts import experts_of, load_expert
+from tasks.recipes import recipe_of
+from tasks.registry import TASKS, get_task
 
 CARD = {
     "task": "door",
@@ -59,3 +61,21 @@ def test_a_card_is_completed_with_imitation_and_verdict(task, shipped, tmp_path,
     assert told["faults"] == faults != []
     assert told["weights_sha256"] == card["weights_sha256"]
     assert len(told["imitation"]["of_seed"]) == 2
+
+
+REPEATABLE = [
+    (task, name)
+    for task in TASKS
+    for name in experts_of(get_task(task))
+    if "history" in load_expert(get_task(task), name).card
+]
+
+
+@pytest.mark.parametrize(("name", "expert"), REPEATABLE)
+def test_a_shipped_expert_comes_from_the_recipe_and_keeps_the_rule(name, expert):
+    task = get_task(name)
+    card = load_expert(task, expert).card
+    assert card["recipe"] == recipe_of(task).as_dict()
+    assert card["history"][-1]["steps"] == card["steps"] >= card["recipe"]["steps"]
+    assert card["kernels"] == "x86-64-v3"
+    assert card["faults"] == probe.faults(card) == []

@@ -110,6 +110,7 @@ def test_a_pinned_study_has_the_same_bits_on_another_processor(here, bits, other
     assert changed(here, bits(elsewhere)) == []
     assert sum(name.endswith("weights.safetensors") for name in here) == len(SUITE) + 1
     assert any("cache/demos" in name for name in here)
+    assert any("expert" in name for name in here)
 
 
 @pytest.mark.long

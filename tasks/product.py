@@ -1,8 +1,8 @@
-"""Products of matrices, one for each network, by OpenBLAS.
+"""Products of matrices in training, one for each network, by OpenBLAS.
 
-torch's own are MKL's, which compute the same on processors of all vendors only in a mode that takes
-three times as long. A product of each network is a call of its own, so that it does not depend on
-the others, nor on where its numbers lie in memory.
+torch's own are MKL's. Even in its compatible mode, which takes three times as long, they have other
+bits where MKL takes the processor for another vendor's. A product of each network is a call of its
+own, so that it does not depend on the others, nor on where its numbers lie in memory.
 """
 
 from typing import Any
