@@ -20,6 +20,8 @@ from tasks.data import FloatArray
 class BCConfig(ActionConfig):
     """The settings of behaviour cloning."""
 
+    learning_rate: float = 3e-3
+
 
 class BC(ActionNetwork):
     """One action for each state."""
