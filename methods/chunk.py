@@ -24,9 +24,9 @@ class ChunkConfig(ActionConfig):
         InputError: more actions are taken than a chunk has.
     """
 
-    length: int = 16
+    length: int = 8
     """C, the number of actions in a chunk."""
-    horizon: int = 8
+    horizon: int = 4
     """How many of them are taken before the next chunk."""
 
     def __post_init__(self) -> None:

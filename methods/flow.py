@@ -32,6 +32,8 @@ FREQUENCIES = 4
 class FlowConfig(ChunkConfig):
     """The settings of flow matching."""
 
+    length: int = 16
+    horizon: int = 8
     steps: int = 5
     """Number of Euler steps from noise to a chunk."""
     epochs: int = 200
