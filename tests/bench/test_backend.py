@@ -23,8 +23,7 @@ from bench.interrupts import Interrupts
 from bench.isolation import Failure
 from tasks.errors import InputError
 
-DASK = pytest.param("dask", marks=pytest.mark.long)
-BACKENDS = ("loky", DASK)
+BACKENDS = ("loky", pytest.param("dask", marks=pytest.mark.long))
 
 
 def on_dask(jobs):
