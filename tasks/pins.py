@@ -18,7 +18,8 @@ from tasks.errors import InputError, unknown_name
 
 PINS = {
     "OPENBLAS_CORETYPE": "Haswell",
-    # The only setting of MKL that makes processors of Intel and AMD compute the same.
+    # Not enough for processors of different vendors: the suite's products go through OpenBLAS
+    # (tasks.product), and only methods of packages have MKL's.
     "MKL_CBWR": "COMPATIBLE",
     "ATEN_CPU_CAPABILITY": "avx2",
     "ONEDNN_MAX_CPU_ISA": "AVX2",
