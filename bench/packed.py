@@ -6,29 +6,31 @@
     episodes.parquet         evaluation (number of its row above), start, success, diverged, steps
     diagnostics.safetensors  diagnostics that exhibits show, as "<folder of the fit>/<name>"
     provenance.json          notes for readers; times, host and versions of fits; fields of
-                             controllers by key
+                             controllers by key; the SHA-256 of all files
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import cached_property
-from math import nan
+from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from safetensors.numpy import load_file, save
+import pyarrow.parquet as pq
+from safetensors.numpy import load, save
 
 from bench.combined import CombinedResults
-from bench.names import ADDED, CONDITIONS, PLAIN, USUAL
+from bench.names import CONDITIONS
 from bench.other_kernels import check_alike
 from bench.results import Results
+from bench.sealed_files import DamagedError, read_content, read_record, seal_folder
 from bench.source import Source, numbered_outcomes, outcomes_by_row
 from bench.submission import Submission
 from tasks.errors import InputError
-from tasks.pins import UNPINNED
+from tasks.files import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[1] / "reports" / "reference"
 """Folder of the shipped results."""
+EVALUATIONS, EPISODES = "evaluations.parquet", "episodes.parquet"
+DIAGNOSTICS, PROVENANCE = "diagnostics.safetensors", "provenance.json"
 SHOWN = ("eigenvalues", "imitation_error", "singular_values", "rank")
 """The diagnostics that exhibits show."""
 
@@ -65,11 +69,14 @@ def shipped() -> Path:
 
 def is_packed(folder: Path) -> bool:
     """Whether a folder holds packed results."""
-    return (folder / "evaluations.parquet").exists()
+    return (folder / EVALUATIONS).exists()
 
 
 class Packed:
-    """Packed results, for reading."""
+    """Packed results, for reading. Every file is checked before it is used.
+
+    All methods raise InputError if a file is damaged.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -105,22 +112,17 @@ class Packed:
 
     @cached_property
     def _evaluations(self) -> pd.DataFrame:
-        import pandas as pd
-
-        frame = pd.read_parquet(self.folder / "evaluations.parquet")
-        # Earlier results lack these.
-        lacking = {"held_out": 0, **USUAL, "pins": UNPINNED, "action_seconds": nan}
-        lacking |= {name: PLAIN[name] for name in ADDED}
-        added = {name: value for name, value in lacking.items() if name not in frame}
-        return frame.assign(config=frame.config.map(json.loads), **added)
+        frame: pd.DataFrame = pq.read_table(BytesIO(self._content(EVALUATIONS))).to_pandas()
+        return frame.assign(config=frame.config.map(json.loads))
 
     @cached_property
     def _provenance(self) -> dict[str, Any]:
-        return dict(json.loads((self.folder / "provenance.json").read_bytes()))
+        with _readable():
+            return read_record(self.folder / PROVENANCE)
 
     @cached_property
     def _arrays(self) -> Parameters:
-        return load_file(self.folder / "diagnostics.safetensors")
+        return load(self._content(DIAGNOSTICS))
 
     @cached_property
     def _places(self) -> dict[tuple[str, ...], int]:
@@ -130,10 +132,20 @@ class Packed:
 
     @cached_property
     def _episodes(self) -> list[pd.DataFrame]:
-        import pandas as pd
-
-        table = pd.read_parquet(self.folder / "episodes.parquet")
+        table = pq.read_table(BytesIO(self._content(EPISODES))).to_pandas()
         return outcomes_by_row(table, len(self._places))
+
+    def _content(self, file: str) -> bytes:
+        with _readable():
+            return read_content(self.folder, self._provenance, file)
+
+
+@contextmanager
+def _readable() -> Iterator[None]:
+    try:
+        yield
+    except DamagedError as error:
+        raise InputError(f"{error}: pack the results again") from error
 
 
 def pack(folders: Sequence[Path], out: Path) -> None:
@@ -168,14 +180,16 @@ def pack(folders: Sequence[Path], out: Path) -> None:
         "fits": {fit: results.facts(fit) for fit in fits},
         "controllers": {key: results.controller_spec(key) for key in keys},
     }
-    table = frame.assign(config=frame.config.map(json.dumps))
+    contents = {
+        EPISODES: _parquet(episodes),
+        EVALUATIONS: _parquet(frame.assign(config=frame.config.map(json.dumps))),
+        DIAGNOSTICS: save(arrays),
+    }
     out.mkdir(parents=True, exist_ok=True)
-    # Written elsewhere first, since out may hold the only copy of some results.
-    with TemporaryDirectory(dir=out) as place:
-        new = Path(place)
-        episodes.to_parquet(new / "episodes.parquet", index=False, compression="zstd")
-        table.to_parquet(new / "evaluations.parquet", index=False)
-        (new / "diagnostics.safetensors").write_bytes(save(arrays))
-        (new / "provenance.json").write_text(json.dumps(facts, indent=1) + "\n")
-        for path in sorted(new.iterdir()):
-            path.replace(out / path.name)
+    with ExitStack() as written:  # all are whole before the first replaces another
+        for name, content in seal_folder(PROVENANCE, facts, contents).items():
+            written.enter_context(whole_file(out / name)).write_bytes(content)
+
+
+def _parquet(frame: pd.DataFrame) -> bytes:
+    return bytes(frame.to_parquet(index=False, compression="zstd"))

@@ -69,3 +69,20 @@ def test_pack_keeps_times_when_a_part_with_more_episodes_has_none(task, smoke, b
     rows = pd.read_parquet(tmp_path / "packed/evaluations.parquet").query("method == 'kodex'")
     assert rows.fit_seconds.notna().all()
     assert (rows[rows.split != "validation"].episodes > 5).all()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["evaluations.parquet", "episodes.parquet", "diagnostics.safetensors", "provenance.json"],
+)
+def test_damage_to_packed_results_is_named(task, smoke, bench, tmp_path, name):
+    out, small = tmp_path / "results", tmp_path / "small"
+    bench("run", "smoke", "--out", str(out), "--jobs", "1")
+    bench("pack", str(out), "--out", str(small))
+    content = bytearray((small / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (small / name).write_bytes(content)
+    code, _, error = bench("report", str(small))
+    # Without diagnostics, only the exhibits that show them are left out.
+    assert code == (3 if name.startswith("diagnostics") else 2)
+    assert f"{name} is damaged" in error
