@@ -65,6 +65,7 @@ def _print_task(facts: dict[str, Any]) -> None:
     print(f"T = {facts['horizon']} states, 10 ms (one control step) apart")
     print("H = {robot_dim} joints, O = {object_dim}, A = {action_dim} actuators".format(**facts))
     print(f"success: {facts['success']}")
+    print(f"experts: {', '.join(facts['experts']) or 'none'}")
     print(f"model: {facts['model_file']}, SHA-256 {facts['model_hash']}\n")
     _print_table("state x = [x_r, x_o]", facts["components"])
     _print_table("what the success rule reads", [facts["reading"]])

@@ -7,6 +7,7 @@ from typing import Any
 from tasks.base import SPLITS, Task
 from tasks.components import Range
 from tasks.errors import InputError, reason_of
+from tasks.experts import experts_of
 from tasks.masses import NOMINAL
 from tasks.registry import TASKS, get_task, task_names, unknown_task, unusable_tasks
 
@@ -63,6 +64,7 @@ def _task(name: str) -> dict[str, Any]:
         "reading": asdict(task.reading),
         "success": task.rule,
         "physics": {NOMINAL: None} | {name: asdict(c) for name, c in task.changes.items()},
+        "experts": list(experts_of(task)),
         "model_file": task.model_file,
         "model_hash": task.model_hash,
     }

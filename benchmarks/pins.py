@@ -38,7 +38,7 @@ def measure() -> dict[str, float]:
     from bench.controller import ControllerConfig, train_controller
     from bench.machine import warm_up
     from methods.guard import guarded
-    from methods.registry import SUITE, get_method
+    from methods.registry import PAPER, get_method
     from tasks.demos import load_demos, split
     from tasks.experts import load_expert
     from tasks.registry import get_task
@@ -49,7 +49,7 @@ def measure() -> dict[str, float]:
     demos, found = training[:DEMOS], {}
     with guarded("pins"):
         warm_up()
-        for name in SUITE:
+        for name in PAPER:
             kind = get_method(name)
             config = kind.sizes[kind.default_size["door"]]
             if name in EPOCHS:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from bench.presets import PRESETS
 from bench.source import episodes_table
 
 ROOT = Path(__file__).parents[1]
@@ -87,3 +88,18 @@ def test_the_api_pages_can_be_built(tmp_path):
     command = [sys.executable, "-m", "pdoc", "-d", "google", "-o", str(tmp_path), *modules]
     subprocess.run(command, env=environment, check=True, capture_output=True)
     assert "A DMP layer" in (tmp_path / "methods/dmp.html").read_text()
+
+
+def runs():
+    """Returns each `bench run` of a preset of the suite in any page, with its experiments."""
+    text = " ".join(page.read_text().replace("\\\n", " ") for page in PAGES)
+    found = re.findall(
+        r"bench run ([a-z]+)\b([^`#\n]*)", re.sub(r"(?<=[^\s`])\n(?=[a-z-])", " ", text)
+    )
+    chosen = [(preset, re.search(r"--experiments ([a-z_,]+)", rest)) for preset, rest in found]
+    return sorted({(preset, names[1]) for preset, names in chosen if names and preset in PRESETS})
+
+
+@pytest.mark.parametrize(("preset", "names"), runs())
+def test_presets_have_the_experiments_that_pages_ask_for(preset, names):
+    assert {*names.split(",")} <= {*PRESETS[preset].episodes}
