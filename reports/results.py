@@ -271,7 +271,7 @@ class Results:
 
         Only common seeds and starts of a task count, see `reports.pairing.keep_common`.
 
-        Columns: those of `by`, ``value`` the mean over seeds, ``spread`` their population standard
+        Columns: those of `by`, ``value`` the mean over seeds, ``spread`` their sample standard
         deviation, ``low`` and ``high`` the 95% interval, ``basis`` what it speaks of, ``seeds``,
         ``n`` starts of each seed, ``diverged`` episodes of all seeds.
         """
@@ -393,6 +393,6 @@ class Results:
 def rate_facts(outcomes: BoolArray) -> dict[str, Any]:
     """Returns the columns `RATE` of a table of success [%], given success (R, N)."""
     found, shares = rate(outcomes), 100 * outcomes.mean(axis=1)
-    spread = float(shares.std()) if found.seeds > 1 else np.nan
+    spread = float(shares.std(ddof=1)) if found.seeds > 1 else np.nan
     ends = (100 * found.value, spread, 100 * found.low, 100 * found.high)
     return dict(zip(RATE, (*ends, found.basis, found.seeds, outcomes.shape[1]), strict=True))

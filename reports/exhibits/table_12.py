@@ -27,7 +27,7 @@ def table(results: Results) -> pd.DataFrame:
             "row": "kodex",
             "column": task,
             "value": values.max(axis=1).mean(),
-            "spread": values.max(axis=1).std() if len(values) > 1 else np.nan,
+            "spread": values.max(axis=1).std(ddof=1) if len(values) > 1 else np.nan,
             "seeds": len(values),
         }
         for task, values in magnitudes(results).items()

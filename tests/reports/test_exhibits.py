@@ -175,7 +175,7 @@ def test_intervals_contain_the_value_and_spreads_are_over_seeds(results):
     assert ((table.low <= table.value) & (table.value <= table.high)).all()
     assert table.spread.notna().all()
     nn = results.main(split="test", method="nn", task="door")
-    expected = np.std(100 * nn.successes / nn.episodes)
+    expected = np.std(100 * nn.successes / nn.episodes, ddof=1)
     row = table[(table.row == "nn") & (table.column == "door")].iloc[0]
     assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 3, 1000)
 
