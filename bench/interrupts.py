@@ -22,8 +22,7 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.asked = False
-        self._timer = threading.Timer(GRACE, os.kill, (os.getpid(), signal.SIGINT))
-        self._timer.daemon = True
+        self._timer: threading.Timer | None = None
 
     def __enter__(self) -> "Interrupts":
         heard = threading.current_thread() is threading.main_thread()
@@ -35,7 +34,8 @@ class Interrupts:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._timer.cancel()
+        if self._timer:
+            self._timer.cancel()
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
@@ -52,4 +52,7 @@ class Interrupts:
                 f"stopping: results of the next {GRACE:.0f} s are kept; Ctrl-C again stops at once",
                 file=sys.stderr,
             )
+        # The same signal again: another may be ignored, as Ctrl-C is in the background of a script.
+        self._timer = threading.Timer(GRACE, os.kill, (os.getpid(), number))
+        self._timer.daemon = True
         self._timer.start()

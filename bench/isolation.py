@@ -141,6 +141,7 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
 def _do_in(context: Any, name: str, call: bytes, limit: float) -> bytes:
     here, there = context.Pipe(duplex=False)
     folder = TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True)
+    others = {*psutil.Process().children()}
     with folder as place, _adopting_orphans():
         process = context.Process(target=_child, args=(there, place, name, call))
         # Python forbids a daemon, such as a dask worker, to start processes.
@@ -151,7 +152,7 @@ def _do_in(context: Any, name: str, call: bytes, limit: float) -> bytes:
             answer = _answer(here, process, limit)
         finally:
             here.close()
-            _kill(process)
+            _kill(process, others)
         if isinstance(answer, bytes):
             return answer
         return dumps(replace(answer, traceback=_printed(place)))
@@ -181,19 +182,25 @@ def _signal(number: int) -> str:
     return f"{name} (perhaps for lack of memory)" if name == "SIGKILL" else name
 
 
-def _kill(process: multiprocessing.process.BaseProcess) -> None:
-    """Kills a process and all processes that it has started."""
+def _kill(process: multiprocessing.process.BaseProcess, others: set[psutil.Process]) -> None:
+    """Kills a process and all that it has started: its group, and orphans of other sessions.
+
+    Args:
+        process: the process of a job.
+        others: children that this process had before.
+    """
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid or 0, signal.SIGKILL)
     process.kill()
     process.join()
     process.close()
     here = os.getsid(0)
-    for child in psutil.Process().children(recursive=True):
+    for adopted in {*psutil.Process().children()} - others:
         with suppress(psutil.Error, ProcessLookupError):
-            if os.getsid(child.pid) != here:  # it belongs to a job, not to this process
-                child.kill()
-                child.wait(1)
+            if os.getsid(adopted.pid) != here:  # the server of processes is no orphan
+                for orphan in (adopted, *adopted.children(recursive=True)):
+                    orphan.kill()
+                    orphan.wait(1)
 
 
 @contextmanager

@@ -30,9 +30,9 @@ class TrackedMotion:
     def reset(self, simulator: Simulator) -> None:
         """Predicts the motions of all episodes, over the full length of the task."""
         task, count = simulator.task, len(simulator.starts)
-        self.motion = np.empty((count, task.horizon, task.robot_dim))
-        """(B, T, H), with what was predicted last for each moment."""
-        self._first_bad = np.full(count, task.horizon)
+        self.motion = np.empty((count, task.steps + 1, task.robot_dim))
+        """(B, steps + 1, H), with what was predicted last for each moment."""
+        self._first_bad = np.full(count, task.steps + 1)
         self._plan(simulator, 0)
 
     def act(self, simulator: Simulator, step: int) -> FloatArray:

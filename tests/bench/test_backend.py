@@ -20,7 +20,7 @@ from dask import config as dask_config
 
 from bench.backend import TRIES, Listed, Workers, answers, workers
 from bench.interrupts import Interrupts
-from bench.isolation import Failure
+from bench.isolation import Failure, apart
 from tasks.errors import InputError
 
 BACKENDS = ("loky", pytest.param("dask", marks=pytest.mark.long))
@@ -353,6 +353,36 @@ def test_ctrl_c_keeps_results_that_end_soon_and_leaves_no_process(
     assert "Stop" in err
     assert "stopping" in err
     assert ends_within(10, running.pid)
+
+
+STOPPABLE = """
+import sys, time
+import bench.interrupts
+bench.interrupts.GRACE = 0.2
+with bench.interrupts.Interrupts():
+    print("ready", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_sigterm_ends_a_run_that_ignores_ctrl_c():
+    """A shell starts what a script puts into the background with SIGINT ignored."""
+    running = subprocess.Popen(
+        ["sh", "-c", 'trap "" INT; exec "$0" -c "$1"', sys.executable, STOPPABLE],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert running.stdout.readline() == "ready\n"
+    running.terminate()
+    assert "Stop" in running.communicate(timeout=60)[1]
+
+
+def test_the_end_of_a_job_leaves_processes_of_others_alone():
+    with subprocess.Popen(["sleep", "600"], start_new_session=True) as mine:
+        assert apart(int, "3") == 3
+        assert mine.poll() is None
+        mine.kill()
 
 
 def dask_command(*options):

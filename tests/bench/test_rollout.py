@@ -56,10 +56,13 @@ class Spoilt(Answering):
         return motion
 
 
-STILL = {
-    "layer0.weight": np.zeros((DOOR.layout.action_dim, 2 * DOOR.robot_dim), np.float32),
-    "layer0.bias": np.zeros(DOOR.layout.action_dim, np.float32),
-}
+def still(task):
+    """The weights of a controller whose every action is 0."""
+    width = task.layout.action_dim
+    return {
+        "layer0.weight": np.zeros((width, 2 * task.robot_dim), np.float32),
+        "layer0.bias": np.zeros(width, np.float32),
+    }
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -67,7 +70,7 @@ STILL = {
     ("policy_of", "call", "steps"),
     [
         (FeedbackPolicy, "act", 3),
-        (lambda method: TrackedMotion(method, Controller(STILL)), "rollout", 2),
+        (lambda method: TrackedMotion(method, Controller(still(DOOR))), "rollout", 2),
     ],
 )
 def test_a_non_finite_answer_ends_its_episode_and_is_counted(value, policy_of, call, steps):
@@ -149,7 +152,27 @@ class SpoiltLater(Onward):
 
 
 def test_a_new_motion_that_is_not_finite_is_counted_once_where_it_begins():
-    policy = TrackedMotion(SpoiltLater(), Controller(STILL), replan=4)
+    policy = TrackedMotion(SpoiltLater(), Controller(still(DOOR)), replan=4)
     episodes = rollout(DOOR, DOOR.sample("test", 3), policy, steps=12, chunk=4)
     assert episodes.diverged.tolist() == [False, True, False]
     assert policy.non_finite(0) == (NonFinite(0, "rollout", 1, 6),)
+
+
+class Holding:
+    """A method that predicts no motion."""
+
+    def __init__(self, layout):
+        self.layout = layout
+
+    def rollout(self, start, steps):
+        return np.repeat(start[:, None, : self.layout.robot_dim], steps + 1, axis=1)
+
+
+def test_a_motion_is_as_long_as_the_episodes_of_its_rule():
+    """The published rule judges Tool after 30 control steps, not after 99."""
+    task = get_task("tool", "published")
+    assert task.steps < task.horizon - 1
+    policy = TrackedMotion(Holding(task.layout), Controller(still(task)))
+    episodes = rollout(task, task.sample("test", 2, 1), policy, chunk=2)
+    assert policy.motion.shape == (2, task.steps + 1, task.robot_dim)
+    assert episodes.steps.tolist() == [task.steps] * 2
