@@ -203,7 +203,7 @@ class _Sending:
     """The error that the supply raised."""
 
     def tasks(self) -> Iterator[Any]:
-        """Yields what joblib sends, one whenever a worker is free."""
+        """Yields what joblib sends: at first a job for each worker, then one for each that ends."""
         while not self.interrupts.asked:
             try:
                 name = self._take()
@@ -213,6 +213,8 @@ class _Sending:
                 raise
             if name is not None and call is not None:
                 yield _delayed(name, call, self.where)
+            elif self.supply.ready and not self.closed:
+                continue  # another job has just ended
             elif self.pending and self.supply.blocked:
                 yield delayed(_idle)()
             else:

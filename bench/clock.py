@@ -22,6 +22,8 @@ PRIOR = 0.005
 """Weight of the initial factor, as a share of a run's expected work."""
 LEAST = 2.0
 """Least weight of the initial factor, in seconds of work: workers take time to start."""
+SHOWN = 3
+"""Running jobs that are named."""
 OVERDUE = 0.05
 """Estimated time left of a job that is late, as a share of its time so far."""
 
@@ -184,9 +186,9 @@ def counted(state: Mapping[str, Any]) -> str:
     )
 
 
-def running(state: Mapping[str, Any], most: int = 3) -> str:
+def running(state: Mapping[str, Any]) -> str:
     """Returns the first few running jobs of a state, each with its time so far."""
     jobs = state["now"]
-    shown = ["{} ({})".format(job["label"], duration(job["seconds"])) for job in jobs[:most]]
-    more = [f"and {len(jobs) - most} more"] if len(jobs) > most else []
+    shown = ["{} ({})".format(job["label"], duration(job["seconds"])) for job in jobs[:SHOWN]]
+    more = [f"and {len(jobs) - SHOWN} more"] if len(jobs) > SHOWN else []
     return ", ".join(shown + more)

@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 
 from joblib.parallel import ParallelBackendBase
 
+from bench.doing import say
 from tasks.errors import InputError
 
 PATIENCE = 10
@@ -34,9 +35,15 @@ def dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
             has several threads.
     """
     import dask
+
+    with dask.config.set(DASK_CONFIG), _client(scheduler, jobs) as client:
+        yield client
+
+
+@contextmanager
+def _client(scheduler: str | None, jobs: int) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
-    dask.config.set(DASK_CONFIG)
     if scheduler is None:
         cluster = LocalCluster(
             n_workers=jobs,
@@ -56,6 +63,8 @@ def dask_client(scheduler: str | None, jobs: int) -> Iterator[Any]:
     except OSError as error:
         raise InputError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
     with client:
+        say(f"waiting for a worker of {scheduler}")
+        client.wait_for_workers(1)
         threads = {name: w["nthreads"] for name, w in client.scheduler_info(-1)["workers"].items()}
         for name, count in threads.items():
             if count != 1:

@@ -13,11 +13,10 @@ def fits_type(value: Any, hint: Any) -> bool:
     if get_origin(hint) in (Union, UnionType):
         return any(fits_type(value, option) for option in get_args(hint))
     if get_origin(hint) is tuple:
-        inner = get_args(hint)
         if not isinstance(value, list | tuple):
             return False
-        right_length = inner[-1] is Ellipsis or len(value) == len(inner)
-        return right_length and all(fits_type(v, inner[0]) for v in value)
+        inner = _inner(hint, len(value))
+        return len(value) == len(inner) and all(map(fits_type, value, inner))
     if isinstance(value, bool) or hint is bool:
         return isinstance(value, bool) and hint is bool
     if hint is float:
@@ -37,12 +36,19 @@ def typed(value: Any, hint: Any) -> Any:
         parts = value.strip().strip("()[]").split(",")
         value = [scalar(part) for part in parts if part.strip()]
     if tuples and isinstance(value, list | tuple):
-        return tuple(typed(one, get_args(tuples[0])[0]) for one in value)
+        inner = _inner(tuples[0], len(value))
+        return tuple(map(typed, value, inner)) if len(value) == len(inner) else tuple(value)
     if float in options and int not in options and fits_type(value, float):
         return float(value)
     if int in options and float not in options and isinstance(value, float) and value.is_integer():
         return int(value)
     return tuple(value) if isinstance(value, list) else value  # configs hold tuples
+
+
+def _inner(hint: Any, count: int) -> tuple[Any, ...]:
+    """The type of each of a tuple's values; of so many, if any number is allowed."""
+    inner = get_args(hint)
+    return inner[:1] * count if inner[-1] is Ellipsis else inner
 
 
 def _options(hint: Any) -> tuple[Any, ...]:

@@ -5,7 +5,9 @@ from typing import Any
 
 import pandas as pd
 
-from bench.names import folder_name
+from bench.labels import labelled
+from bench.manifest import Name
+from bench.names import KEY_DIGITS
 from bench.results import Results
 from bench.selection import best_size
 from bench.spec import EXPERT, VALIDATION
@@ -18,7 +20,7 @@ from tasks.registry import get_task
 
 
 class Methods(Mapping[str, Method]):
-    """Fitted methods of a task by name, each loaded when it is looked up.
+    """Fitted methods of a task by label, see `bench.labels`; each is loaded when it is looked up.
 
     Raises:
         InputError: on look-up, if there is no fit of that method, seed or size, or if another
@@ -33,7 +35,7 @@ class Methods(Mapping[str, Method]):
         Raises:
             InputError: there are no fits of that task.
         """
-        fitted = frame[(frame.method != EXPERT) & (frame.variant == "described")]
+        fitted = labelled(frame[(frame.method != EXPERT) & (frame.variant == "described")])
         self._rows = fitted[fitted.task == task]
         if self._rows.empty:
             raise unknown_name("task of these results", task, fitted.task.unique())
@@ -74,10 +76,11 @@ class Methods(Mapping[str, Method]):
 
 def _load(results: Results, row: Mapping[str, Any]) -> Method:
     fit = fit_of(row)
-    if folder_name(fit.label, fit.key) != row["folder"]:
+    label, _, digits = str(row["folder"]).rpartition("-")  # the label of when it was stored
+    if digits != fit.key[:KEY_DIGITS]:
         raise InputError(
             f"{row['folder']} was fitted by another version of {fit.method} than the installed"
             " one: run the study again"
         )
     method, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
-    return loaded(method, fit.config, layout, results.parameters(fit))
+    return loaded(method, fit.config, layout, results.parameters(Name(label, fit.key)))

@@ -19,10 +19,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from glob import escape
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from pickle import dumps, loads  # by name, in case a method changes the module
+from platform import node
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -39,7 +41,7 @@ PATIENCE = 600.0
 """Time limit in seconds of a job that a command waits for."""
 
 _FOLDER = "bench-job-"
-"""Prefix of the name of a job's folder, before the process id of its worker."""
+"""Prefix of the name of a job's folder, before its host and the process id of its worker."""
 _PRINTED = "printed"
 """Name of the file in a job's folder that holds the job's output."""
 _COUNTED = 2**24
@@ -113,7 +115,7 @@ def afresh(job: Job, *arguments: Any) -> Any:
 def _result(context: Any, job: Job, arguments: tuple[Any, ...]) -> Any:
     check_environment()
     call = dumps((job, arguments))
-    found = read_answer(_do_in(context, f"{job.__name__} {arguments}", call, PATIENCE))
+    found = read_answer(_do_in(context, job.__name__, call, PATIENCE))
     if isinstance(found, Failure):
         raise InputError(found.reason)
     return found
@@ -140,7 +142,7 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
 
 def _do_in(context: Any, name: str, call: bytes, limit: float) -> bytes:
     here, there = context.Pipe(duplex=False)
-    folder = TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True)
+    folder = TemporaryDirectory(prefix=_prefix(), ignore_cleanup_errors=True)
     others = {*psutil.Process().children()}
     with folder as place, _adopting_orphans():
         process = context.Process(target=_child, args=(there, place, name, call))
@@ -274,14 +276,20 @@ def _end_with_the_parent() -> None:
 def start_server() -> None:
     """Starts the server that processes of jobs are forked from, without waiting for it.
 
-    Removes leftover folders of jobs whose worker was killed.
+    Removes leftover folders of jobs whose worker was killed. Hosts may share a temporary folder.
     """
-    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*-*"):
-        worker = folder.name.removeprefix(_FOLDER).partition("-")[0]
+    here = _FOLDER + node()
+    for folder in Path(tempfile.gettempdir()).glob(f"{escape(here)}-*-*"):
+        worker = folder.name.removeprefix(f"{here}-").partition("-")[0]
         if worker.isdecimal() and not psutil.pid_exists(int(worker)):
             shutil.rmtree(folder, ignore_errors=True)
     if _context().get_start_method() == "forkserver":
         forkserver.ensure_running()
+
+
+def _prefix() -> str:
+    """How the name of a folder begins that a job of this process has."""
+    return f"{_FOLDER}{node()}-{os.getpid()}-"
 
 
 @cache
@@ -298,7 +306,7 @@ def _shorten_the_folder_of_sockets() -> None:
     """Puts sockets into /tmp if TMPDIR is long: their paths have at most about 100 characters."""
     config = multiprocessing.current_process()._config  # type: ignore[attr-defined]
     if len(tempfile.gettempdir()) > _LONGEST_FOLDER and config.get("tempdir") is None:
-        config["tempdir"] = tempfile.mkdtemp(prefix=f"{_FOLDER}{os.getpid()}-", dir="/tmp")
+        config["tempdir"] = tempfile.mkdtemp(prefix=_prefix(), dir="/tmp")
         atexit.register(shutil.rmtree, config["tempdir"], ignore_errors=True)
 
 

@@ -19,6 +19,7 @@ from tasks.data import Demos, Starts, generator, key
 from tasks.errors import InputError
 from tasks.experts import load_expert
 from tasks.files import whole_file
+from tasks.pins import processor
 from tasks.registry import get_task
 from tasks.simulator import rollout
 
@@ -54,20 +55,13 @@ def describe_machine() -> str:
     """Returns processor, cores and versions in one line."""
     names = ("mujoco", "numpy", "torch")
     versions = ", ".join(f"{name} {version(name)}" for name in names)
-    return f"{_processor()}, {os.cpu_count()} cores; Python {platform.python_version()}, {versions}"
+    name = processor()[0] or platform.processor() or platform.machine()
+    return f"{name}, {os.cpu_count()} cores; Python {platform.python_version()}, {versions}"
 
 
 def _path() -> Path:
     this = key(platform.node(), describe_machine(), version("kodex-bench"), calibration_seconds())
     return cache_folder() / "machine" / f"{this[:16]}.json"
-
-
-def _processor() -> str:
-    with suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def calibrate() -> float:

@@ -76,10 +76,12 @@ def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
         if source.has_controller(controller) and not there.has_controller(controller):
             path = controller_path(writer.folder, controller)
             writer.write_folder(path, source.controller_files(controller))
+            writer.clear_failure(controller.label)
     if not source.has_fit(fit):
         return
     if not there.has_fit(fit):
         writer.write_folder(cell_path(writer.folder, fit), source.fit_files(fit))
+        writer.clear_failure(fit.label)
     folder = cell_path(writer.folder, fit).name
     times = source.times(folder)
     if times and not there.times(folder):
@@ -87,3 +89,4 @@ def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
     if there.stored_episodes(wanted) < source.stored_episodes(wanted):
         path = evaluation_path(source.folder, fit, wanted.evaluation.label)
         writer.write_evaluation(wanted, path.read_bytes())
+        writer.clear_failure(f"{fit.label} {wanted.evaluation.label}")

@@ -13,6 +13,8 @@ A results folder holds::
     controllers/<label>-<key>/  a tracking controller: controller.json, weights.safetensors
     failures/                   one file for each failed job, with the reason
     damaged/                    files set aside: damaged, or of another version
+    progress.json               the clock of a run
+    .lock, .unfinished/         of the run that writes
 """
 
 import hashlib

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 import pyarrow as pa
 from filelock import FileLock, Timeout
@@ -38,6 +39,8 @@ if TYPE_CHECKING:  # writing results needs neither the methods nor MuJoCo
     from bench.spec import ControllerSpec, Evaluation, Fit
 
 _UNFINISHED = ".unfinished"
+LONGEST = 200
+"""Characters of a name in ``damaged/``, besides those that make it unique."""
 
 
 @contextmanager
@@ -92,6 +95,7 @@ class ResultsWriter:
         contents = {WEIGHTS: weights, DIAGNOSTICS: diagnostics}
         files = seal_learnt(FIT, fit, fit.stored, contents, facts)
         self.write_folder(cell_path(self.folder, fit), files)
+        self.clear_failure(fit.label)
 
     def add_controller(
         self, controller: "ControllerSpec", weights: bytes, facts: Mapping[str, Any]
@@ -100,6 +104,7 @@ class ResultsWriter:
         spec, contents = asdict(controller), {WEIGHTS: weights}
         files = seal_learnt(CONTROLLER, controller, spec, contents, facts)
         self.write_folder(controller_path(self.folder, controller), files)
+        self.clear_failure(controller.label)
 
     def add_times(self, folder: str, times: Times) -> None:
         """Stores the times of the fit in a folder that `Results.frame` names."""
@@ -178,7 +183,8 @@ class ResultsWriter:
             return
         place = self.folder / "damaged"
         place.mkdir(exist_ok=True)
-        target = place / f"{path.parent.name}-{path.name}-{len(list(place.iterdir()))}"
+        name = f"{path.parent.name}-{path.name}"[-LONGEST:]
+        target = place / f"{name}-{uuid4().hex[:8]}"
         path.rename(target)
         print(f"{path}: {reason}; set aside as {target}", file=sys.stderr)
 

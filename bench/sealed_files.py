@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -184,7 +185,7 @@ def write_file(path: Path, content: bytes, unfinished: Path) -> None:
         content: its new content.
         unfinished: a folder on the same disk for incomplete files, created if needed.
     """
-    temporary = unfinished / f"{path.parent.name}-{path.name}"
+    temporary = unfinished / uuid4().hex
     temporary.parent.mkdir(exist_ok=True)
     flush(temporary, content)
     temporary.replace(path)

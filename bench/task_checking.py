@@ -7,7 +7,7 @@ import numpy as np
 
 from bench.checked import ANOTHER_PROCESS, PRINTED, Checked
 from bench.guest_tasks import check_free
-from bench.isolation import apart, printed
+from bench.isolation import afresh, apart, printed
 from tasks.checks import FIRST, check
 from tasks.errors import InputError
 from tasks.observed import seen
@@ -50,7 +50,11 @@ def _elsewhere(name: str, digest: str) -> RuleResult:
     result = RuleResult(ANOTHER_PROCESS, None, False, "", 0.0)
     if not digest:
         return replace(result, message="needs same_start_same_episode", tried=False)
-    if apart(_digest, name) == digest:
+    try:
+        again = afresh(_digest, name)
+    except InputError as error:
+        return replace(result, message=str(error))
+    if again == digest:
         return replace(result, passed=True)
     return replace(result, message="the same episodes have other states or readings")
 

@@ -9,7 +9,7 @@ from time import process_time
 from typing import Any
 
 from bench.backend import Call, Listed, Workers, answers, workers
-from bench.computing import fit_methods
+from bench.computing import Fitted, fit_methods
 from bench.doing import say
 from bench.interrupts import Interrupts
 from bench.isolation import Failure
@@ -29,6 +29,8 @@ from tasks.registry import get_task
 REPEATS = 3
 EPOCHS_SHARE = 0.05
 """Share of its epochs for which a network is timed: every epoch does the same work."""
+FEWEST = 2
+"""Epochs at least for which it is timed: what a fit costs besides is told from one epoch."""
 
 
 def time_fits(folder: Path, report: Callable[[str], None]) -> int:
@@ -86,20 +88,25 @@ def _call(row: dict[str, Any]) -> Call:
 def timing_job(fit: Fit, demos: Demos, validation: Demos) -> Times:
     """Returns the CPU seconds of a fit and of an action, each measured `REPEATS` times.
 
-    A network is timed for a share of its epochs.
+    A network is timed for one epoch and for a share of its epochs; each further epoch costs the
+    same.
     """
     epochs = fit.config.get("epochs", 1)
-    timed = max(1, round(EPOCHS_SHARE * epochs))
-    config = {**fit.config, "epochs": timed} if "epochs" in fit.config else fit.config
-    timed_fit = replace(fit, config=config)
-    fitted = [fit_methods([timed_fit], [demos], [validation])[0] for _ in range(REPEATS)]
+    few = min(epochs, max(FEWEST, round(EPOCHS_SHARE * epochs)))
+
+    def fitted(count: int) -> Fitted:
+        config = {**fit.config, "epochs": count} if "epochs" in fit.config else fit.config
+        return fit_methods([replace(fit, config=config)], [demos], [validation])[0]
+
+    seconds = []
+    for _ in range(REPEATS):
+        one, last = fitted(1), fitted(few)
+        each = (last.seconds - one.seconds) / max(few - 1, 1)
+        seconds.append(last.seconds + each * (epochs - few))
     made, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout
-    method, episode = loaded(made, config, layout, fitted[0].parameters), demos[:1]
+    method, episode = loaded(made, fit.config, layout, last.parameters), demos[:1]
     steps = episode.actions.shape[1]
-    return Times(
-        [one.seconds * epochs / timed for one in fitted],
-        [_answer_seconds(method, episode) / steps for _ in range(REPEATS)],
-    )
+    return Times(seconds, [_answer_seconds(method, episode) / steps for _ in range(REPEATS)])
 
 
 def _answer_seconds(method: Method, episode: Demos) -> float:

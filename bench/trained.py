@@ -46,11 +46,9 @@ def trained(spec: ControllerSpec) -> TrainedController | None:
 def keep(spec: ControllerSpec, weights: bytes, facts: Mapping[str, Any]) -> None:
     """Stores a controller in the cache, or says on stderr that the cache is not writable."""
     try:
-        folder = writable_cache(_CACHE)
-    except InputError as error:
+        write(writable_cache(_CACHE), spec, weights, facts)
+    except (InputError, OSError) as error:  # the disk may be full
         print(f"bench: the controller {spec.label} is not kept: {error}", file=sys.stderr)
-    else:
-        write(folder, spec, weights, facts)
 
 
 def write(folder: Path, spec: ControllerSpec, weights: bytes, facts: Mapping[str, Any]) -> None:

@@ -105,7 +105,9 @@ def restore(tensors: Tensors, model: Any, env: Any) -> None:
 def expert_weights(tensors: Tensors) -> dict[str, FloatArray]:
     """Returns the weights of `tasks.experts.Expert`: the actor without noise and time input."""
     policy = below(tensors, "policy.")
-    layers = [below(policy, f"mlp_extractor.policy_net.{2 * i}.") for i in range(2)]
+    hidden = below(policy, "mlp_extractor.policy_net.")
+    depth = sum(name.endswith("weight") for name in hidden)
+    layers = [below(hidden, f"{2 * i}.") for i in range(depth)]  # a tanh stands in between
     layers.append(below(policy, "action_net."))
     layers[0]["weight"] = layers[0]["weight"][:, :-1]
     weights = {f"{k}{i}": v.numpy() for i, layer in enumerate(layers) for k, v in layer.items()}

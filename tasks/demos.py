@@ -98,7 +98,9 @@ def load_demos(task: Task, seed: int = 1, expert: str = FIRST) -> Demos:
             print(f"{path} is damaged or lacks its SHA-256: it is made anew", file=sys.stderr)
         if pin().late:
             record = [sys.executable, "-c", _RECORD, task.name, str(seed), expert]
-            subprocess.run(record, check=True)
+            done = subprocess.run(record, stderr=subprocess.PIPE, text=True, check=False)
+            if done.returncode:
+                raise InputError((done.stderr.splitlines() or ["recording failed"])[-1])
         else:
             policy = load_expert(task, expert).policy
             save_demos(make_demos(task, policy, TRAINING + VALIDATION, seed), path)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from tasks.base import Task
-from tasks.data import FloatArray, IntArray, Starts
+from tasks.data import CONTROL_STEP, FloatArray, IntArray, Starts
 from tasks.disturbances import Disturbance, find_disturbances
 from tasks.simulator import Policy, Simulator
 
@@ -14,7 +14,7 @@ HAND, OBJECT = "hand", "object"
 
 
 def _joints(task: Task, what: str) -> IntArray:
-    """The places in qpos of the hinges of the hand, or of the object's slides in the plane."""
+    """The numbers of the hand's hinges, or of the object's slides in the plane."""
     model = task.model
     if what == OBJECT:
         return np.array([model.joint(name).id for name in task.object_slides])
@@ -59,18 +59,17 @@ class Disturbed:
         """Returns the actions (B, A) that arrive in this step."""
         for push in self._pushes:
             push.act(simulator, step)
-        if self._noisy:
-            self._noisy.step_now = step
         self._waiting.append(self.policy.act(self._noisy or simulator, step))
         return self._waiting.pop(0)
 
     def _move(self, simulator: Simulator, kind: str, what: str) -> None:
         joints, model = _joints(simulator.task, what), simulator.task.model
+        places = model.jnt_qposadr[joints]
         errors = [rng.standard_normal(len(joints)) for rng in _streams(simulator.starts, kind)]
-        moved = simulator.batch.qpos[:, joints] + self._strength[kind] * np.array(errors)
+        moved = simulator.batch.qpos[:, places] + self._strength[kind] * np.array(errors)
         limited = model.jnt_limited[joints].astype(bool)
         low, high = np.where(limited[:, None], model.jnt_range[joints], [-np.inf, np.inf]).T
-        simulator.batch.qpos[:, joints] = np.clip(moved, low, high)
+        simulator.batch.qpos[:, places] = np.clip(moved, low, high)
 
 
 class _Push:
@@ -80,11 +79,11 @@ class _Push:
         streams = _streams(simulator.starts, kind)
         self._when = np.array([rng.integers(simulator.task.steps // 2) for rng in streams])
         self._kicks = strength * np.array([rng.standard_normal(len(joints)) for rng in streams])
-        self._joints = joints
+        self._places = simulator.task.model.jnt_dofadr[joints]
 
     def act(self, simulator: Simulator, step: int) -> None:
         rows = np.flatnonzero(self._when == step)
-        simulator.batch.qvel[np.ix_(rows, self._joints)] += self._kicks[rows]
+        simulator.batch.qvel[np.ix_(rows, self._places)] += self._kicks[rows]
 
 
 class _Noisy(Simulator):
@@ -92,25 +91,29 @@ class _Noisy(Simulator):
 
     def __init__(self, simulator: Simulator, strength: float) -> None:
         vars(self).update(vars(simulator))
-        task, self.step_now = simulator.task, 0
+        task = simulator.task
         widths = (task.layout.state_dim, simulator.observe().shape[1], task.layout.robot_dim)
-        shape = (task.steps, sum(widths))
+        shape = (task.steps + 1, sum(widths))
         errors = np.array(
             [rng.standard_normal(shape) for rng in _streams(simulator.starts, "noise")]
         )
         self._errors = np.split(strength * errors, np.cumsum(widths[:-1]), axis=2)
 
     def state(self) -> FloatArray:
-        return super().state() + self._errors[0][:, self.step_now]
+        return super().state() + self._errors[0][:, self._step()]
 
     def observe(self) -> FloatArray:
-        return super().observe() + self._errors[1][:, self.step_now]
+        return super().observe() + self._errors[1][:, self._step()]
 
     def joints(self) -> FloatArray:
         return self.state()[:, : self.task.robot_dim]
 
     def velocities(self) -> FloatArray:
-        return super().velocities() + self._errors[2][:, self.step_now]
+        return super().velocities() + self._errors[2][:, self._step()]
+
+    def _step(self) -> int:
+        """The number of control steps taken."""
+        return round(float(self.batch.time.max()) / CONTROL_STEP)
 
 
 def _streams(starts: Starts, kind: str) -> list[np.random.Generator]:

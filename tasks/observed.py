@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from tasks.base import Task
-from tasks.data import BoolArray, FloatArray, Starts, generator
+from tasks.data import BoolArray, FloatArray, Starts
 from tasks.experts import experts_of, load_expert
 from tasks.simulator import Policy, Simulator, rollout
 
@@ -50,8 +50,7 @@ class Wander:
 
     def reset(self, simulator: Simulator) -> None:
         """Draws the actions."""
-        starts, task = simulator.starts, simulator.task
-        streams = [generator("wander", starts.task, starts.split, int(i)) for i in starts.index]
+        streams, task = simulator.starts.streams("wander"), simulator.task
         shape = (task.steps, task.layout.action_dim)
         self._actions = np.array([0.3 * s.standard_normal(shape).cumsum(axis=0) for s in streams])
 
@@ -108,9 +107,9 @@ def policies(task: Task) -> list[Callable[[], Policy]]:
 
 
 @cache
-def seen(task: Task, split: str = "test") -> tuple[Seen, ...]:
+def seen(task: Task) -> tuple[Seen, ...]:
     """Returns what is seen of each of the `policies`, once for all rules."""
-    starts = task.sample(split, COUNT, 1)
+    starts = task.sample("test", COUNT, 1)
     return tuple(observe(task, starts, make()) for make in policies(task))
 
 

@@ -8,6 +8,7 @@ from bench.driver import run
 from bench.merge import merge
 from bench.presets import get_preset
 from bench.results import Results as StoredResults
+from bench.results_writer import writing
 from bench.source import TIMES
 from methods.kodex import Kodex
 
@@ -44,6 +45,20 @@ def test_merge_replaces_damaged_files_of_the_target(
     merge([whole], out)
     assert files_of(out) == files_of(whole)
     assert "set aside as" in capsys.readouterr().err
+
+
+def test_merged_results_are_no_failures_any_more(task, smoke, tmp_path):
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    run(get_preset("smoke"), whole, Workers(1, "sequential"))
+    wanted = StoredResults(whole).manifest().wanted[-1]
+    with writing(out) as writer:
+        writer.ask_for([])
+        labels = (wanted.fit.label, f"{wanted.fit.label} {wanted.evaluation.label}")
+        for label in (*labels, *(controller.label for controller in wanted.controllers)):
+            writer.add_failure(label, "it raised", "")
+        assert writer.results.failures()
+    merge([whole], out)
+    assert not StoredResults(out).failures()
 
 
 def test_merge_flushes_files_before_they_appear(task, smoke, tmp_path, monkeypatch):

@@ -66,6 +66,21 @@ def test_a_fit_of_another_version_is_not_loaded(door, bench, tmp_path, monkeypat
         suite.open(tmp_path).methods("door")["kodex"]
 
 
+def test_fits_of_several_settings_have_names_of_their_own(door, bench, tmp_path):
+    bench(*RUN, "--set", "nn.batch_size=16,64", "--seeds", "1", "--out", str(tmp_path))
+    found = suite.open(tmp_path).methods("door")
+    kodex, *others = sorted(found)
+    assert kodex == "kodex"
+    assert [f"batch_size={found[name].config.batch_size}" in name for name in others] == [True] * 2
+
+
+def test_a_fit_is_loaded_after_an_update_of_mujoco(door, bench, tmp_path, monkeypatch):
+    """Its key is as before; its label then says whose demonstrations it learnt from."""
+    bench("run", "smoke", "--jobs", "1", "--episodes", "2", "--out", str(tmp_path))
+    monkeypatch.setattr("mujoco.__version__", "99.0")
+    assert isinstance(suite.open(tmp_path).methods("door")["kodex"], MotionMethod)
+
+
 def test_packed_results_open_with_tables_but_no_fits(door, bench, tmp_path):
     mine, small = tmp_path / "mine", tmp_path / "small"
     bench(*RUN, "--out", str(mine))

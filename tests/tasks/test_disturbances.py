@@ -6,7 +6,7 @@ from tasks.disturbances import KINDS, UNDISTURBED, find_disturbances, names_of
 from tasks.disturbed import Disturbed
 from tasks.errors import InputError
 from tasks.experts import load_expert
-from tasks.recorder import make_demos
+from tasks.recorder import make_demos, record
 from tasks.registry import TASKS, get_task
 from tasks.simulator import Simulator, rollout
 
@@ -165,6 +165,17 @@ def test_every_task_names_the_disturbances_that_it_can_have():
 def test_names_that_mean_nothing_are_refused(name, answer):
     with pytest.raises(InputError, match=answer):
         find_disturbances(name, RELOCATION)
+
+
+def test_each_recorded_state_has_errors_of_its_own():
+    task = get_task("door")
+    names, starts = (UNDISTURBED, "noise_0.03"), task.sample("demo", 2, 1)
+    plain, noisy = (
+        record(task, starts, Still(), threads=1, failures=True, disturbance=name)[1].states
+        for name in names
+    )
+    errors = (noisy - plain)[0, :, 0]
+    assert len({*errors.round(9)}) == len(errors) == task.horizon
 
 
 def test_an_object_that_cannot_move_is_not_disturbed():

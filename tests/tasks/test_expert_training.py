@@ -6,7 +6,14 @@ import pytest
 import torch
 
 from tasks import expert_training as training
-from tasks.checkpoints import EPSILON, below, expert_weights, read_checkpoint
+from tasks.checkpoints import (
+    EPSILON,
+    Counters,
+    below,
+    expert_weights,
+    read_checkpoint,
+    write_checkpoint,
+)
 from tasks.episodes_env import EpisodesEnv
 from tasks.errors import InputError
 from tasks.experts import Expert, expert_input
@@ -125,6 +132,18 @@ def test_the_written_expert_acts_like_the_trained_policy(task, recipe, tmp_path,
     with torch.no_grad():
         expected = model.policy.get_distribution(normal.clamp(-10, 10)).mode()
     np.testing.assert_allclose(actions, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("hidden", [(8,), (16, 8), (8, 8, 8)])
+def test_an_expert_has_the_layers_of_its_recipe(recipe, task, tmp_path, hidden):
+    recipe = replace(recipe, hidden=hidden)
+    environment = training.VecNormalize(EpisodesEnv(task, recipe, 1, threads=1))
+    model = training.make_model(environment, recipe)
+    counters = Counters(task.name, 1, recipe.as_dict(), 0, 0.0, 0)
+    write_checkpoint(tmp_path, model, environment, counters)
+    weights = expert_weights(read_checkpoint(tmp_path)[0])
+    widths = [weights[f"weight{i}"].shape[0] for i in range(len(hidden) + 1)]
+    assert widths == [*hidden, task.layout.action_dim]
 
 
 def test_only_the_critic_depends_on_the_time(recipe, task):
