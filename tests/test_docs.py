@@ -12,6 +12,8 @@ import pytest
 
 from bench.presets import PRESETS
 from bench.source import episodes_table
+from methods import checks as method_checks
+from tasks import checks as task_checks
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
@@ -103,3 +105,11 @@ def runs():
 @pytest.mark.parametrize(("preset", "names"), runs())
 def test_presets_have_the_experiments_that_pages_ask_for(preset, names):
     assert {*names.split(",")} <= {*PRESETS[preset].episodes}
+
+
+@pytest.mark.parametrize(
+    ("page", "rules"), [("add_a_method", method_checks.RULES), ("add_a_task", task_checks.RULES)]
+)
+def test_the_documents_list_every_rule(page, rules):
+    text = (ROOT / f"docs/{page}.md").read_text().split("## The rules\n")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", text, re.M) == [*rules, "survives_another_process"]
