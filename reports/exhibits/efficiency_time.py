@@ -37,8 +37,8 @@ EXHIBIT = Exhibit(
     title="Training time",
     about=(
         "Seconds to train one seed on so many demonstrations, on one thread, alone on the machine"
-        " (bench time): the median of three. Networks: half the time of two seeds together, scaled"
-        " up from a twentieth of their epochs, which all take equally long."
+        " (bench time): the median of three. Networks: extrapolated from a twentieth of their"
+        " epochs, which all take equally long."
     ),
     table=table,
     part="data and time",

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from bench import spec
 from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, ORIGINAL, TUNED, UNCLIPPED
 from bench.experiments import EXPERIMENTS, cells_of
 from bench.presets import get_preset
@@ -34,6 +35,29 @@ def test_evaluations_after_a_file_of_demonstrations_depend_on_the_version_of_muj
         if cell.fit.method == "kodex":
             assert cell.fit.key == fit
             assert cell.evaluation.key(cell.fit) != evaluation
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "value"),
+    [
+        (get_task("door"), "version", 99),
+        (get_task("door"), "model_hash", "another"),
+        (get_task("door"), "horizon", 50),
+        (spec, "CHUNK", 7),
+    ],
+)
+def test_an_evaluation_is_computed_anew_if_its_task_or_chunks_change(
+    place, name, value, monkeypatch
+):
+    study = replace(get_preset("smoke"), methods=("kodex",))
+    fit, evaluation = next(
+        (cell.fit, cell.evaluation)
+        for cell in cells_of(study, {"door": "of a file"})
+        if cell.fit.method == "kodex"
+    )
+    before = evaluation.key(fit)
+    monkeypatch.setattr(place, name, value)
+    assert evaluation.key(fit) != before
 
 
 def test_no_cell_appears_twice_and_methods_of_a_seed_share_the_expert():

@@ -1,16 +1,21 @@
 """`bench merge`, on runs of a small random expert."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
 from bench.backend import Workers
+from bench.controller import ControllerConfig
 from bench.driver import run
 from bench.merge import merge
+from bench.packed import pack
 from bench.presets import get_preset
 from bench.results import Results as StoredResults
 from bench.results_writer import writing
 from bench.source import TIMES
 from methods.kodex import Kodex
+from tasks.errors import InputError
 
 pytestmark = pytest.mark.parametrize("task", ["door"], indirect=True)
 
@@ -70,6 +75,29 @@ def test_merge_flushes_files_before_they_appear(task, smoke, tmp_path, monkeypat
     with pytest.raises(OSError, match="full"):
         merge([tmp_path / "whole"], tmp_path / "out")
     assert not (tmp_path / "out/cells").exists()
+
+
+def test_merge_keeps_the_longer_of_two_evaluations_wherever_it_stands(task, smoke, bench, tmp_path):
+    folders = [tmp_path / name for name in ("whole", "part")]
+    for folder, episodes in zip(folders, ("7", "3"), strict=True):
+        bench("run", "smoke", "--jobs", "1", "--out", str(folder), "--episodes", episodes)
+    for place, order in enumerate((folders, folders[::-1])):
+        out = tmp_path / f"out{place}"
+        merge(order, out)
+        frame = StoredResults(out).frame()
+        assert set(frame[frame.split == "test"].episodes) == {7}
+        assert StoredResults(out).manifest().wanted == StoredResults(folders[0]).manifest().wanted
+
+
+def test_merge_refuses_results_with_other_controllers(task, smoke, bench, tmp_path):
+    for name, epochs in (("a", 5), ("b", 6)):
+        study = replace(get_preset("smoke"), controller=ControllerConfig(epochs=epochs))
+        run(study, tmp_path / name, Workers(1, "sequential"))
+    with pytest.raises(InputError, match="the version, config, controller or demonstrations"):
+        merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+    with pytest.raises(InputError, match="the version, config, controller or demonstrations"):
+        pack([tmp_path / "a", tmp_path / "b"], tmp_path / "packed")
+    assert not list(tmp_path.glob("packed/*"))
 
 
 def test_merge_refuses_results_of_different_versions(task, smoke, bench, tmp_path, monkeypatch):

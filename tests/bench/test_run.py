@@ -12,6 +12,7 @@ from bench.driver import run
 from bench.job_queue import JobQueue
 from bench.presets import get_preset
 from bench.results import Results as StoredResults
+from methods.nn import NN
 from tasks.errors import InputError
 from tasks.masses import READINGS, VARIATIONS
 
@@ -122,6 +123,26 @@ def test_a_run_starts_the_longest_job_first(task, smoke, tmp_path, monkeypatch):
     run(study, tmp_path, Workers(1, "sequential"))
     assert begun == sorted(begun, reverse=True)
     assert len(begun) == 3
+
+
+def test_other_experiments_evaluate_the_size_that_the_comparison_chooses(
+    task, smoke, tmp_path, monkeypatch
+):
+    default, other = NN.default_size["door"], "small"
+    assert other != default
+    monkeypatch.setattr("bench.agenda.chosen_sizes", lambda study, frame: {("door", "nn"): other})
+    study = replace(
+        get_preset("smoke"),
+        methods=("nn",),
+        sizes=(other, default),
+        settings={("nn", "epochs"): 1},
+        episodes={"sizes": 2, "success": 3},
+    )
+    run(study, tmp_path, Workers(1, "sequential"))
+    frame = StoredResults(tmp_path).frame().query("method == 'nn'")
+    assert set(frame[frame.split == "validation"]["size"]) == {other, default}
+    assert set(frame[frame.split == "test"]["size"]) == {other}
+    assert run(study, tmp_path, Workers(1, "sequential")).done == 0
 
 
 def test_time_measures_each_fit_once(task, smoke, bench, tmp_path):

@@ -10,7 +10,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
 from bench.experiments import cells_of
+from bench.names import CONDITIONS
 from bench.presets import get_preset
+from methods.nn import NN
 from reports.exhibit import Exhibit
 from reports.exhibits import EXHIBITS
 from reports.exhibits.starts import OUTCOMES
@@ -33,6 +35,10 @@ TABLE_1, TABLE_2, TABLE_6, FIGURE_7 = (
 
 def rate(fit):
     return generator("rate", fit).random()
+
+
+def place_of(row):
+    return tuple(row[name] for name in ("folder", *CONDITIONS))
 
 
 class MadeUp(Results):
@@ -63,12 +69,14 @@ class MadeUp(Results):
             }
             rows.append(asdict(cell.fit) | asdict(cell.evaluation) | counts)
         self.frame = pd.DataFrame(rows)
+        self.stored = {place_of(row): row["episodes"] for row in rows}
 
     def taught_by(self, expert):
         return self
 
     def outcomes(self, row):
-        success = np.diff(np.floor(np.arange(row["episodes"] + 1) * rate(row["folder"]))) > 0
+        count = self.stored.get(place_of(row), row["episodes"])
+        success = np.diff(np.floor(np.arange(count + 1) * rate(row["folder"]))) > 0
         steps = get_task(row["task"]).steps
         start = np.arange(len(success))
         return pd.DataFrame(
@@ -340,3 +348,77 @@ def luminance(colour):
     parts = np.array(to_rgb(colour))
     linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
     return linear @ [0.2126, 0.7152, 0.0722]
+
+
+def share(results, **values):
+    """Success [%] of each seed, in a loop over the rows with these values."""
+    wanted = {"split": "test", "physics": "nominal", "rule": "appendix", "disturbance": "none"}
+    wanted |= {"replan": 0, "variant": "described"} | values
+    found = {}
+    for row in results.frame.to_dict("records"):
+        if row["controller"] in ("original", "none") and wanted.items() <= row.items():
+            assert row["seed"] not in found
+            found[row["seed"]] = 100 * results.outcomes(row).success.mean()
+    return [found[seed] for seed in sorted(found)]
+
+
+def value(table, row, column):
+    (found,) = table[(table.row == row) & (table.column == column)].value
+    return found
+
+
+def test_numbers_of_exhibits_equal_those_of_a_loop(results):
+    sizes = {"size": NN.default_size["door"]}
+    table = BY_NAME["efficiency"].table(results)
+    held_out = share(results, task="door", method="nn", demos=80, held_out=20, **sizes)
+    assert value(table, "nn 100", "door") == pytest.approx(np.mean(held_out))
+    whole = share(results, task="tool", method="kodex", demos=100, held_out=0)
+    assert value(table, "kodex 100", "tool") == pytest.approx(np.mean(whole))
+
+    by_task = [
+        share(results, task=task, method="kodex", demos=200, held_out=0, episodes=1000)
+        for task in TASKS
+    ]
+    middle = np.sort(np.transpose(by_task), axis=1)[:, 1:3].mean()
+    table = BY_NAME["all_tasks"].table(results)
+    (column,) = (c for c in table.column.unique() if c.startswith("test inter"))
+    assert value(table, "kodex", column) == pytest.approx(middle)
+
+
+def test_diagnostics_of_exhibits_equal_those_of_a_loop(results):
+    fits = results.frame.query(
+        "task == 'door' and method == 'kodex' and variant == 'described' and split == 'test'"
+        " and demos == 200 and held_out == 0"
+    ).drop_duplicates("folder")
+    seen = [results.diagnostics(folder) for folder in fits.folder]
+    largest = [
+        max(np.hypot(real, imaginary) for real, imaginary in one["eigenvalues"]) for one in seen
+    ]
+    assert value(BY_NAME["table_12"].table(results), "kodex", "door") == pytest.approx(
+        np.mean(largest)
+    )
+    errors = [one["imitation_error"].mean() for one in seen]
+    table = BY_NAME["figure_6"].table(results)
+    (row,) = (r for r in table.row.unique() if r.startswith("set 3") and "error" in r)
+    assert value(table, row, "door") == pytest.approx(np.median(errors))
+    assert value(BY_NAME["table_11"].table(results), "set 3", "door") == 499
+
+    table = BY_NAME["times"].table(results)
+    rows = results.frame.dropna(subset="action_seconds")
+    rows = rows.query("split == 'test' and variant == 'described' and method == 'kodex'")
+    firsts = [rows[rows.task == task].iloc[0] for task in TASKS]
+    mean = np.mean([1000 * row.action_seconds for row in firsts])
+    assert value(table, "kodex", "action [ms]") == pytest.approx(mean)
+
+
+def test_a_report_shows_the_size_that_validation_starts_choose(results):
+    validated = results.frame.query("split == 'validation' and method == 'nn' and task == 'door'")
+    sizes = {
+        size: (part.successes / part.episodes).mean() for size, part in validated.groupby("size")
+    }
+    best = max(sizes, key=sizes.get)
+    more, shown = MadeUp(), results.main(split="test", method="nn", task="door")
+    parts = [shown.assign(size=size, successes=0 if size == best else 999) for size in sizes]
+    others = more.frame.query("method != 'nn'")
+    more.frame = pd.concat([others, validated, *parts], ignore_index=True)
+    assert set(more.main(split="test", method="nn", task="door")["size"]) == {best}
