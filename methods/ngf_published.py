@@ -104,7 +104,7 @@ class PublishedNGF(NetworkMethod):
         return after + change + DT**2 * self._acceleration(weights, after, change / DT)
 
     def error(self, weights: Weights, motion: Tensor) -> Tensor:
-        """Returns the Huber loss of each network on the joints of all T states, (S,)."""
+        """Returns the Huber loss of each network on the joints of states 2 to T, (S,)."""
         predicted = self.unroll(weights, motion[:, :, 0], motion.shape[2] - 1)
         wanted = motion[:, :, 1:, : predicted.shape[-1]]
         return functional.huber_loss(predicted, wanted, reduction="none").mean(dim=(1, 2, 3))

@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 import torch
+from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from methods.base import check_above
@@ -99,7 +100,7 @@ def minimise(
         name: names the network. Its random numbers depend on the name and the seed.
         seeds: one seed for each network.
         validate: returns validation losses (S,). Weights of the epoch with the lowest loss are
-            kept. Default: those of the last epoch.
+            kept. Default: those of the last epoch with a finite loss.
         at_once: number of samples that pass through a network at a time; the gradients of larger
             mini-batches are summed piece by piece. Default: whole mini-batches.
         start: for each seed, the initial weights. Default: drawn ones.
@@ -210,9 +211,12 @@ class _Best:
 
     def chosen(self, seeds: Sequence[int]) -> list[Trained]:
         """Returns the kept weights and all losses of each seed."""
-        bad = [seed for i, seed in enumerate(seeds) if not self._lowest[i].isfinite()]
-        if bad:
-            raise TrainingError(f"the loss of seed {bad[0]} was never finite")
+        finite = self._lowest.isfinite()
+        for kept in self._kept.values():
+            finite &= kept.flatten(1).isfinite().all(dim=1)
+        for seed, sound in zip(seeds, finite.tolist(), strict=True):
+            if not sound:
+                raise TrainingError(f"the loss of seed {seed} was never finite, or its weights")
         losses, validation = (
             torch.stack(rows, dim=1).double().numpy() for rows in (self._losses, self._validation)
         )
@@ -228,10 +232,11 @@ class _Best:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Runs torch on one thread, which is as fast for small batches and gives the same bits."""
+    """Runs torch and BLAS on one thread, which gives the same bits whatever the machine has."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        yield
+        with threadpool_limits(1, "blas"):
+            yield
     finally:
         torch.set_num_threads(before)

@@ -8,7 +8,7 @@ from bench.labels import EXPERT
 from methods.registry import TO_BEAT
 from reports.exhibits.success import success_by_method, success_of
 from reports.multiple import LEVEL
-from reports.pairing import keep_common, without_expert
+from reports.pairing import keep_common, same_seeds, without_expert
 from reports.pairs import pairs_of
 from reports.results import Results
 from reports.seed_statistics import ONE_SEED
@@ -31,11 +31,14 @@ def answer(results: Results) -> list[str]:
     It names the method with the most success, those that cannot be told apart from it, and how far
     the others are behind it. The expert does not take part.
     """
-    found = without_expert(keep_common(results.main(split="test")))
+    found = keep_common(without_expert(results.main(split="test")))
     shown = success_by_method(results, "test")
     sentences = []
     for task in ordered(found.task, TASKS):
         here = found[found.task == task]
+        if not same_seeds(here):
+            sentences.append(f"{display(task)}: methods have different seeds, so none is ahead.")
+            continue
         column = shown[shown.column == task].set_index("row").value
         rates = {method: float(column[method]) for method in ordered(here.method, METHODS)}
         pairs = pairs_of(results, here)
@@ -66,7 +69,8 @@ def to_beat(results: Results) -> list[str]:
             f"{results.display(row.row)} {row.value:.1f}% ({display(row.column)})"
             for row in best.itertuples()
         ]
-        said.append(f"Most of all methods, closed-loop ones included: {_listed(named)}.")
+        if named:
+            said.append(f"Most of all methods, closed-loop ones included: {_listed(named)}.")
     return said
 
 

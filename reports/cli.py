@@ -76,7 +76,8 @@ def report(
         writable_file(export)
     results = _open(source, with_reference, mixed)
     if not reference:  # tests check the shipped results, and this would import torch
-        results.check_protocol(results.frame, mixed)
+        for one in (results, *map(results.taught_by, results.experts[1:])):
+            one.check_protocol(one.frame, mixed)
     with doing("writing the report"):
         submitted = submitted_rows(results, SUBMITTED) if reference else Submitted()
         made = write_report(results, place, source / "videos", submitted)

@@ -77,8 +77,10 @@ def _tasks(results: "Results", task: str | None) -> list[str]:
     from reports.results import SPLITS
     from tasks.registry import get_task
 
-    found = results.select()
-    there: list[str] = list(found.task[found.split.isin(SPLITS)].unique())
+    everywhere = results.frame.task.unique()
+    there = [
+        task for task in everywhere if any(results.methods(task=task, split=s) for s in SPLITS)
+    ]
     if task is None:
         return there
     get_task(task)
@@ -99,17 +101,20 @@ def _episodes(
 
     if split is not None and split not in SPLITS:
         raise unknown_name("split", split, SPLITS)
-    here = results.select(task=task)
-    here = here[here.split.isin(SPLITS if split is None else [split])]
-    known = list(here.method.unique())
+    splits = SPLITS if split is None else (split,)
+    there = {one: results.methods(task=task, split=one) for one in splits}
+    known = list(dict.fromkeys(name for names in there.values() for name in names))
     if not known:
         raise InputError(f"{results.folder} holds no results of {task} on split {split!r}")
     learners = [name for name in known if name != EXPERT] or known
     chosen = known_names("--method", "method with results", method, known) if method else learners
     found = {}
     for name in chosen:
-        splits = [one for one in SPLITS if one in set(here.split[here.method == name])]
-        parts = [episodes(results.folder, task, name, one, seed) for one in splits]
+        parts = [
+            episodes(results.folder, task, name, one, seed)
+            for one, names in there.items()
+            if name in names
+        ]
         found[name] = pd.concat(parts, ignore_index=True)
     return found
 
@@ -158,14 +163,15 @@ def _as_text(table: "pd.DataFrame") -> str:
 
 
 def _films(folder: Path, table: "pd.DataFrame") -> list[str]:
-    """Returns, for each task, the command that films its methods from a start that fails."""
+    """Returns, for each task, the command that films the methods that fail from its first start."""
     failed = table[table.split == "test"]
     films = []
     for task, part in failed.groupby("task", sort=False):
-        seed, start = min(part.starts.iloc[0])
+        first = seed, start = min(part.starts.iloc[0])
+        alike = part[[first in starts for starts in part.starts]]
         films.append(
             f"bench video {task} --results {shlex.quote(str(folder))}"
-            f" --methods {shlex.quote(','.join(part.method.unique()))}"
+            f" --methods {shlex.quote(','.join(alike.method.unique()))}"
             f" --seed {seed} --start {start}"
         )
     return films

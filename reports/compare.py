@@ -94,7 +94,7 @@ def as_text(table: pd.DataFrame, suffixes: Mapping[str, str]) -> str:
 
 def _labels(results: Results, names: Sequence[str]) -> list[str]:
     """Returns the distinct labels that the names of methods stand for."""
-    known = list(results.select().method.unique())
+    known = results.methods()
     return list(dict.fromkeys(label for name in names for label in labels_of(name, known)))
 
 

@@ -74,7 +74,8 @@ class Exhibit:
         if "diverged" in table and table.diverged.sum():
             sentences.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
         if "published" in table and table.published.notna().any():
-            sentences.append("Diamonds, and numbers in parentheses, are the paper's.")
+            drawn = "Diamonds, and numbers" if self.axis else "Numbers"
+            sentences.append(f"{drawn} in parentheses{',' * bool(self.axis)} are the paper's.")
         names = [*self.subjects, *(table[["row", "column"]].stack() if self.remarks else ())]
         shown = {word for name in names for word in str(name).split(" ")}
         sentences += [remark.text for remark in self.remarks if remark.concerns(shown)]

@@ -104,7 +104,7 @@ def evaluations(
     get_task(task)
     if split not in SPLITS:
         raise unknown_name("split", split, SPLITS)
-    known = list(results.select(task=task, split=split).method.unique())
+    known = results.methods(task=task, split=split)
     if not known:
         raise InputError(f"{results.folder} holds no results of task {task!r} on split {split!r}")
     if method not in known:

@@ -31,8 +31,8 @@ def keep_common(
 ) -> pd.DataFrame:
     """Returns evaluations cut, within each task, to common seeds and common starts, see `common`.
 
-    Groups that share fewer than two seeds keep all of theirs: those are shown, not compared, see
-    `reports.protocol.differences`.
+    The expert follows the methods. Groups that share fewer than two seeds keep all of theirs: those
+    are shown, and compared only if they are `same_seeds`.
 
     Args:
         evaluations: as `bench.source.Source.frame` returns them, of one split.
@@ -47,9 +47,20 @@ def keep_common(
 
 
 def _cut(part: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    shared = common(part, by)
-    enough = shared.seed.nunique() >= FEWEST
-    return shared if enough else part.assign(episodes=part.episodes.min())
+    learnt = without_expert(part)
+    deciding = part if learnt.empty else learnt
+    seeds = set(common(deciding, by).seed)
+    if len(seeds) < FEWEST:
+        seeds = set(part.seed)
+    shared = part[part.seed.isin(seeds)]
+    return shared.assign(episodes=shared.episodes.min())
+
+
+def same_seeds(evaluations: pd.DataFrame) -> bool:
+    """Whether all methods, the expert left out, have the same seeds on each task."""
+    learnt = without_expert(evaluations)
+    seeds = learnt.groupby(["task", "method"]).seed.agg(frozenset)
+    return all(mine.nunique() == 1 for _, mine in seeds.groupby("task"))
 
 
 def common(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:

@@ -2,8 +2,8 @@
 
 Exhibits and `bench compare` show rows of several methods beside each other. On each task, these
 must have learnt from the same demonstrations, with controllers that were trained alike, for the
-same share of their own epochs, and with the same kernels. Methods must have the same seeds, or
-several in common. The number of starts need not agree: exhibits use common ones, see
+same share of their own epochs, and with the same kernels. In each condition, methods must have the
+same seeds, or several in common. The number of starts need not agree: exhibits use common ones, see
 `reports.pairing`.
 """
 
@@ -18,13 +18,14 @@ import pandas as pd
 from bench.controller_kinds import ORIGINAL
 from bench.labels import plain
 from bench.names import CONDITIONS
-from reports.pairing import FEWEST, common_seeds, demos_of_expert, without_expert
+from reports.pairing import FEWEST, common_seeds, demos_of_expert, same_seeds, without_expert
 from tasks.errors import InputError
 
 DEMOS, DEMOS_OF, EPOCHS, SEEDS = "demos", "demos of", "share of epochs", "seeds"
 KERNELS = "kernels"
 """Names of settings."""
 OF_EXPERT = "the expert"
+_WITHOUT_CONTROLLER = tuple(name for name in CONDITIONS if name != "controller")
 
 Own = Mapping[tuple[str, str], str]
 """Keys of the expert's demonstrations, by task and mark of the kernels."""
@@ -124,10 +125,10 @@ def _shares(learnt: pd.DataFrame) -> Iterator[SettingValue]:
 
 
 def _seeds(learnt: pd.DataFrame) -> Iterator[SettingValue]:
-    """Yields the seeds of methods on tasks where too few are common."""
-    for task, part in learnt.groupby("task", sort=False):
+    """Yields the seeds of methods in conditions where they differ and too few are common."""
+    for (task, *_), part in learnt.groupby(["task", *_WITHOUT_CONTROLLER], sort=False):
         groups = {method: set(seeds) for method, seeds in part.groupby("method").seed}
-        if len(common_seeds(groups.values())) < FEWEST:
+        if len(common_seeds(groups.values())) < FEWEST and not same_seeds(part):
             for method, seeds in groups.items():
                 yield str(task), str(method), SEEDS, " ".join(map(str, sorted(seeds)))
 

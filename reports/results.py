@@ -178,18 +178,23 @@ class Results:
         """Returns the diagnostics of a fit, given its ``folder`` in the frame."""
         return self.source.diagnostics(folder)
 
-    def eigenvalues(self, folder: str) -> FloatArray:
-        """Returns the real and imaginary parts (p, 2) of a fit's stored eigenvalues.
+    def magnitudes(self, row: Mapping[str, Any]) -> FloatArray:
+        """Returns the magnitudes (p,) of the eigenvalues of K, for a row of KODex.
+
+        The constant observable has an eigenvalue of 1, up to rounding, which is left out.
 
         Raises:
             InputError: none are stored, or they have another shape or are not finite.
         """
+        folder = row["folder"]
         found = self._diagnostic(folder, "eigenvalues")
         if found.ndim != 2 or found.shape[1] != 2 or not found.size or not np.isfinite(found).all():
             raise InputError(
                 f"{folder} has stored eigenvalues of shape {found.shape}, not finite ones of (p, 2)"
             )
-        return found
+        if row["config"].get("constant"):
+            found = np.delete(found, np.hypot(found[:, 0] - 1, found[:, 1]).argmin(), axis=0)
+        return np.hypot(*found.T)
 
     def gap(self, folder: str) -> tuple[int, int, float, float]:
         """Returns what a fit of KODex heeds: p, the rank, and the gap in the singular values.
@@ -352,6 +357,10 @@ class Results:
         others = frozenset(self.frame.method.unique()) - found - {EXPERT}
         return found if others else frozenset()
 
+    def methods(self, **values: object) -> list[str]:
+        """Returns the methods that `select` finds, those `beyond` the paper among them."""
+        return [m for m in self.frame.method.unique() if len(self.select(method=m, **values))]
+
     def of_all(self, **values: object) -> pd.DataFrame:
         """Returns the rows of `main` for all methods, those `beyond` the paper among them."""
         return pd.concat(self.main(method=m, **values) for m in self.frame.method.unique())
@@ -376,11 +385,15 @@ class Results:
         return found[found["size"].to_numpy() == [best[place] for place in places]]
 
     def _best_size(self, task: str, method: str, sizes: set[str]) -> str:
-        """Returns which of these sizes has the most success from validation starts."""
+        """Returns which of these sizes has the most success from validation starts.
+
+        Those of fits with the most demonstrations decide, as in a run.
+        """
         place = task, method, *sorted(sizes)
         if place not in self._best_sizes:
             in_order = [size for size in dict.fromkeys((*SIZES, *sizes)) if size in sizes]
             validated = self.select(task=task, method=method, split="validation")
+            validated = validated[validated.demos == validated.demos.max()]
             self._best_sizes[place] = best_size(validated, in_order)
         return self._best_sizes[place]
 

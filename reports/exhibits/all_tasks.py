@@ -1,11 +1,13 @@
 """Success over all tasks of the paper together."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
 from reports.exhibit import Exhibit
 from reports.exhibits.success import with_letters
-from reports.pairing import keep_common, without_expert
+from reports.pairing import keep_common, same_seeds, without_expert
 from reports.pairs import pairs_of
 from reports.results import SPLITS, Results, rate_facts
 from reports.style import METHODS, TASKS
@@ -23,7 +25,7 @@ def table(results: Results) -> pd.DataFrame:
     parts = []
     for split in SPLITS:
         found = of_all_tasks(results.main(split=split))
-        pairs = pairs_of(results, without_expert(found))
+        pairs = pairs_of(results, without_expert(found) if same_seeds(found) else found[:0])
         for statistic in (MEAN, MIDDLE):
             rows = []
             for method, mine in found.groupby("method", sort=False):
@@ -42,14 +44,18 @@ def table(results: Results) -> pd.DataFrame:
     return in_order(whole.fillna({"letters": ""}), METHODS, columns)
 
 
-def of_all_tasks(found: pd.DataFrame) -> pd.DataFrame:
+def of_all_tasks(found: pd.DataFrame, by: Sequence[str] = ("method",)) -> pd.DataFrame:
     """Returns the evaluations of methods with results on all tasks of the paper, and only those.
 
     They are on common seeds and starts. Tasks of packages do not count.
+
+    Args:
+        found: the evaluations.
+        by: columns that tell methods apart.
     """
     found = found[found.task.isin(TASKS)]
-    tasks = found.groupby("method").task.transform("nunique")
-    return keep_common(found[tasks == len(TASKS)], ["method", "task"], within=[])
+    tasks = found.groupby(list(by)).task.transform("nunique")
+    return keep_common(found[tasks == len(TASKS)], [*by, "task"], within=[])
 
 
 def of_seeds(tasks: list[BoolArray], in_the_middle: bool) -> BoolArray:

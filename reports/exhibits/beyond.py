@@ -35,14 +35,19 @@ def by_task(results: Results) -> pd.DataFrame:
 
 def by_condition(results: Results) -> pd.DataFrame:
     """Returns a row for each method with results on all tasks, and a column for each condition."""
+    if not results.beyond:
+        return table_of()
+    parts = [
+        results.of_all(**{"split": "test"} | condition).assign(condition=name)
+        for name, condition in CONDITIONS.items()
+    ]
+    found = of_all_tasks(pd.concat(parts), ["condition", "method"])
     rows = []
-    for name, condition in CONDITIONS.items() if results.beyond else ():
-        found = of_all_tasks(results.of_all(**{"split": "test"} | condition))
-        for method, mine in found.groupby("method", sort=False):
-            tasks = [*results.paired(mine, ["task"]).values()]
-            if tasks:
-                facts = rate_facts(of_seeds(tasks, in_the_middle=False))
-                rows.append({"row": method, "column": name} | facts | {"n": tasks[0].shape[1]})
+    for (name, method), mine in found.groupby(["condition", "method"], sort=False):
+        tasks = [*results.paired(mine, ["task"]).values()]
+        if tasks:
+            facts = rate_facts(of_seeds(tasks, in_the_middle=False))
+            rows.append({"row": method, "column": name} | facts | {"n": tasks[0].shape[1]})
     return in_order(pd.DataFrame(rows), METHODS, [*CONDITIONS]) if rows else table_of()
 
 

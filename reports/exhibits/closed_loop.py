@@ -11,7 +11,7 @@ from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import UNDISTURBED
 from tasks.masses import VARIATIONS
 
-NEVER = "once"
+NEVER, EVERY = "once", "every_"
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -29,9 +29,9 @@ def table(results: Results) -> pd.DataFrame:
         return table_of()
     shown = pd.concat(kept)
     place = shown.physics.where(shown.disturbance == UNDISTURBED, shown.disturbance)
-    often = shown.replan.map(lambda replan: f"every_{replan}" if replan else NEVER)
+    often = shown.replan.map(lambda replan: f"{EVERY}{replan}" if replan else NEVER)
     label = shown.method + " " + place + " " + often
-    intervals = (NEVER, *(f"every_{replan}" for replan in replans))
+    intervals = (NEVER, *(f"{EVERY}{replan}" for replan in replans))
     rows = [
         f"{method} {name} {when}"
         for method in METHODS
@@ -53,22 +53,26 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     table = in_nominal_physics(table)
     tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
     places = table.place.drop_duplicates().tolist()
+    intervals = sorted(table.often.unique(), key=_seldom_first)
     drawing, panels = panel_grid(len(places), len(tasks), (0.8, 0.8))
     for place, row in zip(places, panels, strict=True):
         for task, axes in zip(tasks, row, strict=True):
             here = table[(table.place == place) & (table.column == task)]
             for method in methods:
                 part = here[here.method == method]
-                add_line(axes, range(len(part)), part, method, methods, exhibit)
+                add_line(axes, part.often.map(intervals.index), part, method, methods, exhibit)
         row[0].set_ylabel(display(place).replace("+", " +\n"))
     for task, first, last in zip(tasks, panels[0], panels[-1], strict=True):
         first.set_title(display(task), fontsize=10)
-        names = [name.removeprefix("every_") for name in table.often.drop_duplicates()]
-        last.set_xticks(range(len(names)), names)
+        last.set_xticks(range(len(intervals)), [name.removeprefix(EVERY) for name in intervals])
     drawing.supxlabel("control steps between two predictions", fontsize=10)
     drawing.supylabel(exhibit.axis, fontsize=10)
     add_legend(drawing, exhibit)
     return drawing
+
+
+def _seldom_first(often: str) -> tuple[bool, int]:
+    return often != NEVER, -int(often.removeprefix(EVERY)) if often != NEVER else 0
 
 
 EXHIBIT = Exhibit(

@@ -2,6 +2,7 @@
 
 from itertools import cycle
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -38,7 +39,8 @@ def table(results: Results) -> pd.DataFrame:
         success = rates[rates.variant == variant].drop(columns="variant")
         parts.append(success.assign(row=f"{name}: {SUCCESS}"))
         mine = found[found.variant == variant]
-        errors = mine.folder.map(results.imitation_error).groupby(mine.task, sort=False).median()
+        errors = mine.folder.map(results.imitation_error).fillna(np.inf)
+        errors = errors.groupby(mine.task, sort=False).median()
         error = errors.rename("value").reset_index()
         parts.append(error.assign(row=f"{name}: {ERROR}"))
     whole = pd.concat(parts, ignore_index=True).rename(columns={"task": "column"})

@@ -151,11 +151,12 @@ EXHIBIT = Exhibit(
     name="motions",
     title="Predicted and tracked motions",
     about="Figure: the two joints of each task that turn most in the demonstrated motion, from one"
-    " start of the lowest seed (their numbers are beside the axis): the first at which the methods"
-    " differ, if there is one. Demonstrated: by the expert from that start, or, where methods"
-    " learnt from other demonstrations, in the one with the nearest start. Bands: the mean"
-    " prediction error on validation demonstrations. Table: mean |predicted - demonstrated|"
-    " and |tracked - predicted| in this episode, over all joints that turn [rad].",
+    " start of the lowest seed (their numbers are beside the axis): of the first ones, that which"
+    " divides the methods most evenly into success and failure. Demonstrated: by the expert from"
+    " that start, or, where methods learnt from other demonstrations, in the one with the nearest"
+    " start. Bands: the mean prediction error on validation demonstrations. Table: mean"
+    " |predicted - demonstrated| and |tracked - predicted| in this episode, over all joints that"
+    " turn [rad].",
     table=table,
     unit="rad",
     digits=3,

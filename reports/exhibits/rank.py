@@ -26,10 +26,10 @@ def table(results: Results) -> pd.DataFrame:
 EXHIBIT = Exhibit(
     name="rank",
     title="Directions that the demonstrations excite",
-    about="Rank of the lifted states of the demonstrations, at most the number of observables; and"
-    " the two singular values between which the cut-off falls, relative to the largest. The further"
-    " apart they are, the less K hangs on rounding. Least over seeds; of the last value, the"
-    " greatest.",
+    about="Rank of the lifted states of the demonstrations, at most the number of observables with"
+    " the constant; and the two singular values between which the cut-off falls, relative to the"
+    " largest. The further apart they are, the less K depends on rounding. Least over seeds; of the"
+    " last value, the greatest.",
     table=table,
     part="KODex inside",
     unit="",

@@ -13,6 +13,7 @@ from reports.results import SPLITS, Results
 from reports.starts import draw_starts, start_values
 from reports.style import METHODS, TASKS, display, ordered
 from reports.tables import in_order, table_of
+from tasks.registry import task_names
 
 SHOWN = 200
 """Number of starts of a split that are shown: the first ones of each seed, as many of each."""
@@ -33,7 +34,8 @@ def table(results: Results) -> pd.DataFrame:
 
     parts = []
     for split in SPLITS:
-        found = keep_common(results.main(split=split))
+        rows = results.main(split=split)
+        found = keep_common(rows[rows.task.isin(task_names())])
         if found.empty:
             continue
         seeds = found.groupby(["task", "method"]).seed.transform("nunique")

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from reports.exhibit import Exhibit
-from reports.pairing import keep_common, without_expert
+from reports.pairing import keep_common, same_seeds, without_expert
 from reports.pairs import letters_of, pairs_of, smallest_shown
 from reports.results import Results
 from reports.style import METHODS
@@ -20,15 +20,16 @@ def success_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
 
     Methods of a task that share one of the ``letters`` cannot be told apart. ``detectable``
     [points] is the smallest difference that the seeds could have shown, the same in all rows of a
-    task.
+    task. Where methods have different seeds, neither is known.
     """
     found = keep_common(evaluations)
     table = success_table(results, found, "method", "task")
     learnt = without_expert(found)
-    parts = [
-        with_letters(part, pairs_of(results, learnt[learnt.task == task]))
-        for task, part in table.groupby("column", sort=False)
-    ]
+    parts = []
+    for task, part in table.groupby("column", sort=False):
+        here = learnt[learnt.task == task]
+        compared = here if same_seeds(here) else here[:0]
+        parts.append(with_letters(part, pairs_of(results, compared)))
     return in_order(pd.concat(parts) if parts else table, METHODS)
 
 

@@ -13,6 +13,7 @@ from reports.results import Results
 from reports.style import METHODS, TASKS, colour, dashes, display, marker, ordered
 from reports.tables import in_order, table_of
 from tasks.data import CONTROL_STEP, FloatArray
+from tasks.registry import task_names
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -22,7 +23,8 @@ def table(results: Results) -> pd.DataFrame:
     ``seeds``, ``n`` starts of each.
     """
     parts = []
-    whole = keep_common(results.main(split="test"))
+    rows = results.main(split="test")
+    whole = keep_common(rows[rows.task.isin(task_names())])
     for (task, method), found in whole.groupby(["task", "method"], sort=False):
         count = int(found.episodes.min())
         curves = [_curve(results, task, row, count) for row in found.to_dict("records")]

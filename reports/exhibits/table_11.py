@@ -15,12 +15,10 @@ def table(results: Results) -> pd.DataFrame:
     """Returns a row for each set and a column for each task."""
     rows = []
     for variant, name in SETS.items():
-        for one in (
-            results.main(method="kodex", variant=variant).drop_duplicates("task").itertuples()
-        ):
-            constant = one.config.get("constant", False)
-            count = float(len(results.eigenvalues(one.folder)) - constant)
-            rows.append({"row": name, "column": one.task, "value": count})
+        fits = results.main(method="kodex", variant=variant).drop_duplicates("task")
+        for fit in fits.to_dict("records"):
+            count = float(len(results.magnitudes(fit)))
+            rows.append({"row": name, "column": fit["task"], "value": count})
     table = table_of(rows)
     return with_published(table, "table_11")
 

@@ -15,7 +15,7 @@ def magnitudes(results: Results) -> dict[str, np.ndarray]:
         results.main(method="kodex").drop_duplicates("folder").sort_values("seed", kind="stable")
     )
     return {
-        str(task): np.array([np.hypot(*results.eigenvalues(one).T) for one in mine.folder])
+        str(task): np.array([results.magnitudes(row) for row in mine.to_dict("records")])
         for task, mine in found.groupby("task", sort=False)
     }
 

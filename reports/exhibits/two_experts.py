@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from reports.charts import add_legend, task_panels
 from reports.exhibit import Exhibit
+from reports.pairing import keep_common
 from reports.results import Results
 from reports.style import METHODS, TASKS, colour, marker, ordered
 from reports.tables import in_order, success_table, table_of
@@ -16,19 +17,21 @@ from tasks.registry import EXPERTS
 def by_expert(results: Results, split: str) -> pd.DataFrame:
     """Returns a row for each method under each expert, and a column for each task.
 
-    Only methods and tasks with results under both experts are shown.
+    Only methods and tasks with results under both experts are shown, on common seeds and starts.
     """
     if set(results.experts) != set(EXPERTS):
         return table_of()
+    taught = {name: results.taught_by(name) for name in EXPERTS}
+    rows = pd.concat(one.of_all(split=split) for one in taught.values())
+    common = keep_common(rows, ["expert", "method"])
     parts = []
-    for name in EXPERTS:
-        taught = results.taught_by(name)
-        found = success_table(taught, taught.of_all(split=split), "method", "task")
+    for name, one in taught.items():
+        found = success_table(one, common[common.expert == name], "method", "task")
         parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
     table = pd.concat(parts)
     both = table.groupby(["method", "column"]).expert.transform("nunique") == len(EXPERTS)
-    rows = [f"{method} {name}" for method in METHODS for name in EXPERTS]
-    return in_order(table[both], rows)
+    order = [f"{method} {name}" for method in METHODS for name in EXPERTS]
+    return in_order(table[both], order)
 
 
 def lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from resealed import pack_evaluations
 from statsmodels.stats.power import TTestPower
 
 from bench.detectable import power_given, power_of, told
@@ -47,7 +48,7 @@ def row(task, method, seed, successes, **changes):
 
 def packed(folder, rows):
     folder.mkdir()
-    pd.DataFrame(rows).to_parquet(folder / "evaluations.parquet", index=False)
+    pack_evaluations(folder, pd.DataFrame(rows))
     return folder
 
 

@@ -3,13 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 import bench as suite
 from bench.merge import merge
 from bench.other_kernels import check_kernels
-from bench.packed import Packed, pack
+from bench.packed import pack
 from bench.replay import replay
 from bench.results_writer import writing
 from bench.sealed_files import read_record, seal_record
@@ -121,14 +120,9 @@ def test_results_of_different_kernels_are_not_put_together(join, stored, unpinne
     answer = f"{PINNED} in {folders[0]}, {UNPINNED} in {folders[1]}"
     with pytest.raises(InputError, match=answer):
         join(folders, tmp_path / "out")
-    assert not list(Path(tmp_path / "out").glob("cells"))
+    assert not list(Path(tmp_path / "out").glob("*.parquet")) + list(tmp_path.glob("out/cells"))
 
 
 def test_a_note_says_that_shipped_results_have_other_kernels(stored, unpinned):
     notes = [WithShippedMethods(one).notes()[-1] for one in (stored.results, unpinned)]
     assert sum("with kernels marked" in note for note in notes) == 1
-
-
-def test_packed_results_that_name_no_kernels_count_as_unpinned(tmp_path):
-    pd.DataFrame({"config": ["{}"]}).to_parquet(tmp_path / "evaluations.parquet")
-    assert list(Packed(tmp_path).frame().pins) == [UNPINNED]

@@ -1,4 +1,4 @@
-"""Changes files of `bench submit` and seals them again, as somebody who invents results would."""
+"""Changes submitted files and packed results, and seals them again, as a forger would."""
 
 import json
 
@@ -6,9 +6,22 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bench.names import KEY_DIGITS, fit_key
-from bench.sealed_files import seal_table
+from bench.packed import DIAGNOSTICS, EPISODES, EVALUATIONS, PROVENANCE
+from bench.sealed_files import seal_folder, seal_table
 from bench.source import FIT_FIELDS
 from bench.submission import LABEL
+
+
+def pack_evaluations(folder, frame):
+    """Gives packed results, which may hold nothing yet, these evaluations."""
+    path = folder / PROVENANCE
+    facts = json.loads(path.read_bytes()) if path.exists() else {"notes": []}
+    kept = [folder / name for name in (EPISODES, DIAGNOSTICS)]
+    contents = {path.name: path.read_bytes() for path in kept if path.exists()}
+    contents[EVALUATIONS] = frame.to_parquet(index=False)
+    facts = {name: facts[name] for name in facts if name not in ("self", "sha256", "format")}
+    for name, content in seal_folder(PROVENANCE, facts, contents).items():
+        (folder / name).write_bytes(content)
 
 
 def record_of(file):

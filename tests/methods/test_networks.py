@@ -7,9 +7,11 @@ from functools import partial
 import numpy as np
 import pytest
 import torch
+from threadpoolctl import threadpool_limits
 from torch import nn
 from torch.nn import functional
 
+from bench.machine import random_demos
 from methods.base import config_of, shortened
 from methods.kodex import Kodex
 from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
@@ -20,10 +22,12 @@ from methods.ngf import NGF, acceleration, energised, integrate, potential_gradi
 from methods.ngf_gradient import motion_with_gradient
 from methods.ngf_published import PublishedNGF
 from methods.nn import NN
+from methods.registry import get_method
 from methods.toy import toy
 from methods.training import Schedule, TrainingError, minimise
 from tasks.data import Layout, generator
 from tasks.errors import InputError
+from tasks.registry import get_task
 
 LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
 toy = partial(toy, layout=LAYOUT, horizon=15)
@@ -211,6 +215,26 @@ def test_a_diverging_training_keeps_its_best_weights_or_raises_if_it_has_none(li
     x, y = line
     with pytest.raises(TrainingError, match="seed 1 was never finite"):
         train(draw_line, line_loss, (x * np.nan, y))
+
+
+def test_a_training_whose_last_step_ruins_the_weights_raises(line):
+    schedule = replace(SCHEDULE, epochs=1, batch_size=10, learning_rate=1e39, decay=False)
+    with pytest.raises(TrainingError, match="never finite, or its weights"):
+        train(draw_line, line_loss, line, schedule)
+
+
+@pytest.mark.parametrize("name", ["nn", "ngf"])
+def test_a_fit_outside_of_a_job_does_not_depend_on_the_threads_of_blas(name):
+    method = get_method(name)
+    config = replace(method.sizes["large"], epochs=1)
+    training, validation = random_demos("door")
+    found = []
+    for threads in (1, 2):
+        fitted = method(config, get_task("door").layout)
+        with threadpool_limits(threads, "blas"):
+            fitted.fit(training, validation, seed=1)
+            found.append(fitted.rollout(validation.states[:, 0], 20))
+    np.testing.assert_array_equal(*found)
 
 
 @pytest.mark.parametrize(

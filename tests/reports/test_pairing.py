@@ -5,7 +5,9 @@ import pandas as pd
 import pytest
 
 from bench.names import PLAIN
+from reports.answer import answer
 from reports.compare import compare
+from reports.exhibits.success import success_of
 from reports.pairing import keep_common
 from reports.results import Results
 
@@ -93,3 +95,22 @@ def test_compare_uses_seeds_and_starts_that_all_compared_methods_have(stored):
 def test_keep_common_keeps_all_seeds_if_fewer_than_two_are_common(stored):
     tool = stored.frame[stored.frame.task == "tool"]
     assert set(keep_common(tool).seed) == {1, 2}
+
+
+def test_the_expert_does_not_decide_which_seeds_are_common():
+    rows = [("door", "m4", seed, 100) for seed in (1, 2, 3)]
+    rows += [("door", "m3", seed, 100) for seed in (2, 3)]
+    found = keep_common(Stored([*rows, ("door", "expert", 3, 100)]).frame)
+    seeds = found.groupby("method").seed.agg(set).to_dict()
+    assert seeds == {"m4": {2, 3}, "m3": {2, 3}, "expert": {3}}
+
+
+def test_methods_with_other_seeds_get_no_letters_and_no_place_in_the_answer():
+    rows = [("door", "m4", seed, 100) for seed in (1, 2, 3)]
+    rows += [("door", "m3", seed, 100) for seed in (1, 2, 3)]
+    assert set(success_of(Stored(rows), Stored(rows).frame).letters) == {"a", "b"}
+    unlike = Stored([*rows, ("door", "m5", 1, 100)])
+    table = success_of(unlike, unlike.frame)
+    assert table.set_index("row").seeds.to_dict() == {"m4": 3, "m3": 3, "m5": 1}
+    assert set(table.letters) == {""}
+    assert answer(unlike) == ["Door: methods have different seeds, so none is ahead."]

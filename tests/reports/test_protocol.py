@@ -273,3 +273,14 @@ def test_error_shows_the_differences_on_each_task():
     assert ["demos", "10", "200"] in [line.split() for line in message.splitlines()]
     assert ["demos", "10", "50"] in [line.split() for line in message.splitlines()]
     assert message.endswith("--tasks tool,door --methods kodex,nn --out results/mine-paper")
+
+
+def test_methods_with_one_seed_in_one_condition_are_refused_whatever_they_have_in_others():
+    """As in a run that has been interrupted."""
+    methods = {"methods": ("kodex", "nn"), "episodes": {"success": 20, "ood": 20}}
+    whole = rows("paper", **methods)
+    late = (whole.method == "nn") & (whole.split == "test") & (whole.seed > 1)
+    found = differing(whole[~late])
+    assert set(found.setting) == {"seeds"}
+    assert found.groupby("method").value.agg(set).to_dict() == {"kodex": {"1 2 3"}, "nn": {"1"}}
+    assert differing(whole[~(late & (whole.seed > 2))]).empty

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 import pytest
+from resealed import pack_evaluations
 
 from bench.controller import ControllerConfig
 from bench.experiments import cells_of
@@ -129,9 +130,9 @@ def test_shipped_methods_run_differently_are_omitted_and_the_differences_named(
 
 def test_differing_kernels_are_named_and_not_the_keys_that_cover_them(bench, reference, tmp_path):
     reference()
-    path = tmp_path / "small/evaluations.parquet"
-    theirs = pd.read_parquet(path).assign(pins="other", demos_key="other", controller_key="other")
-    theirs.to_parquet(path)
+    theirs = pd.read_parquet(tmp_path / "small/evaluations.parquet")
+    changes = {"pins": "other", "demos_key": "other", "controller_key": "other"}
+    pack_evaluations(tmp_path / "small", theirs.assign(**changes))
     found = tried(bench, "--episodes", "4")
     assert found["shipped"] == []
     assert found["unlike"] == [{"setting": "kernels", "here": mark(), "shipped": "other"}]
@@ -139,8 +140,8 @@ def test_differing_kernels_are_named_and_not_the_keys_that_cover_them(bench, ref
 
 def test_differing_demonstrations_and_mujoco_are_named(bench, reference, monkeypatch, tmp_path):
     reference(demos=5)
-    path = tmp_path / "small/evaluations.parquet"
-    pd.read_parquet(path).assign(demos_key="other").to_parquet(path)
+    theirs = pd.read_parquet(tmp_path / "small/evaluations.parquet")
+    pack_evaluations(tmp_path / "small", theirs.assign(demos_key="other"))
     monkeypatch.setattr("reports.trial.version", lambda package: "3.0")
     found = tried(bench, "--episodes", "4")
     assert found["shipped"] == []
