@@ -127,11 +127,6 @@ def test_the_page_on_tasks_runs_from_new_task_to_a_film(follow, monkeypatch):
     assert mine[mine.method == "nearest"].demos_key.nunique() == 1
 
 
-def test_the_page_on_tasks_lists_every_rule():
-    listed = re.findall(r"^\| `(\w+)` \|", PAGE.split("## The rules")[1], re.M)
-    assert listed == [*RULES, "survives_another_process"]
-
-
 def test_a_task_of_a_package_joins_only_when_it_is_named(install):
     install()
     assert task_names() == [*TASKS, "mine"]

@@ -90,8 +90,9 @@ def test_a_sound_action_method_keeps_every_rule():
 
 
 class OneVariant(Kodex):
-    """KODex without the variants that a broken method would break too."""
+    """KODex without the variants that a broken method would break too, and with few observables."""
 
+    sizes = {"single": replace(Kodex.sizes["single"], observables=1)}  # noqa: RUF012
     variants = {"described": {}}  # noqa: RUF012
 
 

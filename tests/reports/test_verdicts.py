@@ -24,7 +24,7 @@ from reports.claim import (
 )
 from reports.exhibits.table_11 import SETS
 from reports.measured import measure, over_seeds
-from reports.results import SIZES, Results
+from reports.results import Results
 from reports.seed_statistics import ONE_SEED, OVER_SEEDS, Estimate
 from reports.simulated import Scenario, repeated
 from reports.style import TASKS
@@ -384,7 +384,3 @@ def test_results_that_cannot_be_read_are_failed():
     results = Empty()
     results.paired_success = lambda selections: 1 / 0
     assert verdicts(results).set_index("claim").ours["kodex-robust"] == "failed"
-
-
-def test_sizes_are_those_of_the_suite():
-    assert SIZES == ("small", "median", "large")
