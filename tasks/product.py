@@ -1,6 +1,6 @@
 """Products of matrices in training, one for each network, by OpenBLAS.
 
-torch's own are MKL's. Even in its compatible mode, which takes three times as long, they have other
+torch's own are MKL's. Even in its compatible mode, which takes up to twice as long, they have other
 bits where MKL takes the processor for another vendor's. A product of each network is a call of its
 own, so that it does not depend on the others, nor on where its numbers lie in memory.
 """
