@@ -12,6 +12,7 @@ from statsmodels.stats.power import TTestPower
 from bench.names import PLAIN
 from reports.compare import as_text, compare
 from reports.exhibits.success import EXHIBIT as SUCCESS
+from reports.failing import evaluations
 from reports.pairs import letters_of, pairs_of, smallest_shown
 from reports.results import Results
 from reports.seed_statistics import ONE_SEED, OVER_SEEDS
@@ -182,3 +183,12 @@ def test_seeds_that_all_differ_alike_do_not_say_what_they_could_have_shown():
     pairs = pairs_of(results, results.frame)
     assert np.isnan(pairs.detectable).all()
     assert np.isnan(smallest_shown(pairs))
+
+
+def test_closed_loop_methods_are_compared_where_they_are_named():
+    results = Rates(PERCENTS | {"bc": (90, 91, 92, 93, 94), "flow": (80, 81, 82, 83, 84)})
+    assert not results.select().method.isin(["bc", "flow"]).any()
+    for names in (["kodex", "bc"], ["bc", "flow"]):
+        (row,) = compare(results, names).itertuples()
+        assert [row.left, row.right] == names
+    assert len(evaluations(results, "door", "bc", "test", None)) == 5
