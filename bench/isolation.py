@@ -1,8 +1,8 @@
 """Runs a job in its own process, so that it cannot affect the jobs after it.
 
-On Linux the process is forked, in a tenth of a second, from a server that has imported the libraries
-of jobs but has computed nothing. On other systems a new interpreter starts, since their system
-libraries do not survive a fork.
+On Linux the process is forked, in a tenth of a second, from a server that has imported the
+libraries of jobs but has computed nothing. On other systems a new interpreter starts, since their
+system libraries do not survive a fork.
 """
 
 import atexit
