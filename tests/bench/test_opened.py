@@ -12,9 +12,11 @@ import pytest
 import bench as suite
 from bench import views
 from bench.presets import get_preset
+from bench.spec import Fit
 from bench.studies import study_of
+from bench.training_data import training_demos, validation_demos
 from methods.base import MotionMethod
-from tasks.demos import load_demos
+from tasks.demos import adopt_demos, load_demos
 from tasks.demos_files import save_demos
 from tasks.errors import InputError
 
@@ -174,6 +176,15 @@ def test_demos_returns_those_of_the_cache_or_of_a_file(door, tmp_path):
     assert [*map(len, suite.demos("door", tmp_path / "mine.safetensors"))] == [3, 2]
     with pytest.raises(InputError, match="did you mean 'door'"):
         suite.demos("doors")
+
+
+def test_demos_of_a_file_are_those_that_a_run_learns_from(door, tmp_path):
+    path = tmp_path / "mine.safetensors"
+    save_demos(load_demos(door)[:5], path)
+    fit = Fit("door", "kodex", "described", "single", {}, 3, 2, adopt_demos(door, path))
+    training, validation = suite.demos("door", path, seed=2)
+    np.testing.assert_array_equal(training.states, training_demos(fit).states)
+    np.testing.assert_array_equal(validation.states, validation_demos(fit).states)
 
 
 def test_a_run_takes_the_options_of_the_command_line(door, tmp_path):

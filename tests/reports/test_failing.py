@@ -39,6 +39,16 @@ def row_of(folder, method, split="test"):
 
 
 @pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_replay_of_another_seed_has_the_readings_of_the_run(task, bench, smoke, tmp_path):
+    run = ("run", "smoke", "--experiments", "success", "--seeds", "2,3", "--episodes", str(STARTS))
+    assert bench(*run, "--jobs", "1", "--out", str(tmp_path))[0] == 0
+    stored = StoredResults(tmp_path)
+    for row in Results(tmp_path).main(split="test").to_dict("records"):
+        found = replay(tmp_path, row, [1, 4]).episodes.readings.astype(np.float32)
+        np.testing.assert_array_equal(found, stored.readings(row)[[1, 4]])
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
 class TestFailures:
     def test_failures_has_one_row_with_a_mode_for_each_failed_episode(self, task, results):
         found = failures(results, task.name, "kodex")
