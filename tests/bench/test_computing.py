@@ -23,7 +23,8 @@ from tasks.files import to_bytes
 from tasks.registry import get_task
 from tasks.simulator import rollout
 
-DOOR = get_task("door")
+PEN = get_task("reorientation")
+"""Its readings depend on every motion of the hand."""
 
 
 def expert_cell(expert="first", **conditions):
@@ -81,15 +82,17 @@ def pushing(task):
 @pytest.mark.parametrize("replan", [0, 5])
 def test_an_evaluation_of_a_method_tracks_its_motions(replan):
     config = asdict(Kodex.sizes["single"]) | {"observables": 1}
-    fit = Fit("door", "kodex", "described", "single", config, 16, 1, "some")
-    training, validation = random_demos("door")
+    fit = Fit(PEN.name, "kodex", "described", "single", config, 16, 1, "some")
+    training, validation = random_demos(PEN.name)
     (made,) = fit_methods([fit], [training], [validation])
-    weights, starts = pushing(DOOR), DOOR.sample("test", 3, 1)
-    cell = Cell(fit, Evaluation("door", "test", controller_key="some", replan=replan), 3)
+    weights, starts = pushing(PEN), PEN.sample("test", 3, 1)
+    cell = Cell(fit, Evaluation(PEN.name, "test", controller_key="some", replan=replan), 3)
     (found,) = evaluate(cell, starts, 0, made.parameters, to_bytes(weights), threads=1)
-    method = loaded(Kodex, fit.config, DOOR.layout, made.parameters)
-    expected = rollout(DOOR, starts, TrackedMotion(method, Controller(weights), replan), threads=1)
+    method = loaded(Kodex, fit.config, PEN.layout, made.parameters)
+    expected = rollout(PEN, starts, TrackedMotion(method, Controller(weights), replan), threads=1)
     np.testing.assert_array_equal(found.episodes.readings, expected.readings)
+    other = TrackedMotion(method, Controller(weights), 3)
+    assert not np.array_equal(rollout(PEN, starts, other, threads=1).readings, expected.readings)
 
 
 def test_a_method_is_tracked_with_its_own_controller_not_with_the_one_that_it_starts_from():

@@ -38,9 +38,20 @@ def row_of(folder, method, split="test"):
     return frame.to_dict("records")[0]
 
 
-@pytest.mark.parametrize("task", ["door"], indirect=True)
+@pytest.mark.parametrize("task", ["relocation"], indirect=True)
 def test_a_replay_of_another_seed_has_the_readings_of_the_run(task, bench, smoke, tmp_path):
-    run = ("run", "smoke", "--experiments", "success", "--seeds", "2,3", "--episodes", str(STARTS))
+    run = (
+        "run",
+        "smoke",
+        "--tasks",
+        task.name,
+        "--experiments",
+        "success",
+        "--seeds",
+        "2,3",
+        "--episodes",
+        str(STARTS),
+    )
     assert bench(*run, "--jobs", "1", "--out", str(tmp_path))[0] == 0
     stored = StoredResults(tmp_path)
     for row in Results(tmp_path).main(split="test").to_dict("records"):
