@@ -40,8 +40,9 @@ SHOWN = 4000
 PATIENCE = 600.0
 """Time limit in seconds of a job that a command waits for."""
 
-_FOLDER = "bench-job-"
-"""Prefix of the name of a job's folder, before its host and the process id of its worker."""
+_FOLDER = f"bench-job-{node()}-"
+"""How the name of a job's folder begins, before the process id of its worker. Hosts may share a
+temporary folder."""
 _PRINTED = "printed"
 """Name of the file in a job's folder that holds the job's output."""
 _COUNTED = 2**24
@@ -142,7 +143,7 @@ def do_apart(name: str, call: bytes, limit: float) -> bytes:
 
 def _do_in(context: Any, name: str, call: bytes, limit: float) -> bytes:
     here, there = context.Pipe(duplex=False)
-    folder = TemporaryDirectory(prefix=_prefix(), ignore_cleanup_errors=True)
+    folder = TemporaryDirectory(prefix=f"{_FOLDER}{os.getpid()}-", ignore_cleanup_errors=True)
     others = {*psutil.Process().children()}
     with folder as place, _adopting_orphans():
         process = context.Process(target=_child, args=(there, place, name, call))
@@ -276,20 +277,14 @@ def _end_with_the_parent() -> None:
 def start_server() -> None:
     """Starts the server that processes of jobs are forked from, without waiting for it.
 
-    Removes leftover folders of jobs whose worker was killed. Hosts may share a temporary folder.
+    Removes leftover folders of jobs whose worker was killed.
     """
-    here = _FOLDER + node()
-    for folder in Path(tempfile.gettempdir()).glob(f"{escape(here)}-*-*"):
-        worker = folder.name.removeprefix(f"{here}-").partition("-")[0]
+    for folder in Path(tempfile.gettempdir()).glob(f"{escape(_FOLDER)}*-*"):
+        worker = folder.name.removeprefix(_FOLDER).partition("-")[0]
         if worker.isdecimal() and not psutil.pid_exists(int(worker)):
             shutil.rmtree(folder, ignore_errors=True)
     if _context().get_start_method() == "forkserver":
         forkserver.ensure_running()
-
-
-def _prefix() -> str:
-    """How the name of a folder begins that a job of this process has."""
-    return f"{_FOLDER}{node()}-{os.getpid()}-"
 
 
 @cache
@@ -306,7 +301,7 @@ def _shorten_the_folder_of_sockets() -> None:
     """Puts sockets into /tmp if TMPDIR is long: their paths have at most about 100 characters."""
     config = multiprocessing.current_process()._config  # type: ignore[attr-defined]
     if len(tempfile.gettempdir()) > _LONGEST_FOLDER and config.get("tempdir") is None:
-        config["tempdir"] = tempfile.mkdtemp(prefix=_prefix(), dir="/tmp")
+        config["tempdir"] = tempfile.mkdtemp(prefix=f"{_FOLDER}{os.getpid()}-", dir="/tmp")
         atexit.register(shutil.rmtree, config["tempdir"], ignore_errors=True)
 
 

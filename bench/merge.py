@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.manifest import Manifest, Wanted
-from bench.names import cell_path, controller_path, evaluation_path
+from bench.names import cell_path, evaluation_path
 from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.results_writer import ResultsWriter, writing
@@ -74,14 +74,11 @@ def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
         )
     for controller in wanted.controllers:
         if source.has_controller(controller) and not there.has_controller(controller):
-            path = controller_path(writer.folder, controller)
-            writer.write_folder(path, source.controller_files(controller))
-            writer.clear_failure(controller.label)
+            writer.write_controller(controller, source.controller_files(controller))
     if not source.has_fit(fit):
         return
     if not there.has_fit(fit):
-        writer.write_folder(cell_path(writer.folder, fit), source.fit_files(fit))
-        writer.clear_failure(fit.label)
+        writer.write_fit(fit, source.fit_files(fit))
     folder = cell_path(writer.folder, fit).name
     times = source.times(folder)
     if times and not there.times(folder):
@@ -89,4 +86,3 @@ def _copy(source: Results, wanted: Wanted, writer: ResultsWriter) -> None:
     if there.stored_episodes(wanted) < source.stored_episodes(wanted):
         path = evaluation_path(source.folder, fit, wanted.evaluation.label)
         writer.write_evaluation(wanted, path.read_bytes())
-        writer.clear_failure(f"{fit.label} {wanted.evaluation.label}")

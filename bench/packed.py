@@ -28,6 +28,7 @@ from bench.other_kernels import check_alike
 from bench.results import Results
 from bench.sealed_files import DamagedError, read_content, read_record, seal_folder
 from bench.source import Source, numbered_outcomes, outcomes_by_row
+from bench.stored_files import DIAGNOSTICS
 from bench.submission import Submission
 from tasks.errors import InputError
 from tasks.files import whole_file
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parents[1] / "reports" / "reference"
 """Folder of the shipped results."""
 EVALUATIONS, EPISODES = "evaluations.parquet", "episodes.parquet"
-DIAGNOSTICS, PROVENANCE = "diagnostics.safetensors", "provenance.json"
+PROVENANCE = "provenance.json"
 SHOWN = ("eigenvalues", "imitation_error", "singular_values", "rank")
 """The diagnostics that exhibits show."""
 

@@ -13,7 +13,14 @@ import pyarrow as pa
 from filelock import FileLock, Timeout
 
 from bench.manifest import Manifest, Name, Wanted
-from bench.names import MANIFEST, cell_path, controller_path, evaluation_path, failure_path
+from bench.names import (
+    MANIFEST,
+    Named,
+    cell_path,
+    controller_path,
+    evaluation_path,
+    failure_path,
+)
 from bench.results import Results, Stamp
 from bench.sealed_files import write_file, write_folder
 from bench.stored_files import (
@@ -94,8 +101,7 @@ class ResultsWriter:
         """
         contents = {WEIGHTS: weights, DIAGNOSTICS: diagnostics}
         files = seal_learnt(FIT, fit, fit.stored, contents, facts)
-        self.write_folder(cell_path(self.folder, fit), files)
-        self.clear_failure(fit.label)
+        self.write_fit(fit, files)
 
     def add_controller(
         self, controller: "ControllerSpec", weights: bytes, facts: Mapping[str, Any]
@@ -103,6 +109,15 @@ class ResultsWriter:
         """Stores a controller, see `add_fit`."""
         spec, contents = asdict(controller), {WEIGHTS: weights}
         files = seal_learnt(CONTROLLER, controller, spec, contents, facts)
+        self.write_controller(controller, files)
+
+    def write_fit(self, fit: Named, files: Mapping[str, bytes]) -> None:
+        """Writes the files of a fit, which then is no failure any more."""
+        self.write_folder(cell_path(self.folder, fit), files)
+        self.clear_failure(fit.label)
+
+    def write_controller(self, controller: Named, files: Mapping[str, bytes]) -> None:
+        """Writes the files of a controller, which then is no failure any more."""
         self.write_folder(controller_path(self.folder, controller), files)
         self.clear_failure(controller.label)
 
@@ -136,11 +151,15 @@ class ResultsWriter:
         self.write_evaluation(wanted, content)
 
     def write_evaluation(self, wanted: Wanted, content: bytes) -> None:
-        """Writes an evaluation's file; sets aside a damaged one, or one of another version."""
+        """Writes an evaluation's file, which then is no failure any more.
+
+        Sets aside a damaged one, or one of another version.
+        """
         path = evaluation_path(self.folder, wanted.fit, wanted.evaluation.label)
         if path.exists() and not self.results.stored_episodes(wanted):
             self._set_aside(path, "it is of another version of the task or of the controller")
         self.write(path, content)
+        self.clear_failure(f"{wanted.fit.label} {wanted.evaluation.label}")
 
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
         """Stores why the job of that label failed; numbers of tries add up."""

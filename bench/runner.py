@@ -206,8 +206,6 @@ class Runner:
         job, failed = self._job(name), isinstance(answer.result, Failure)
         if not failed:
             job.store(answer.result, self._writer)
-            for label in job.labels:
-                self._writer.clear_failure(label)
             self._queue.finish(name)
             self._done += len(job.labels)
         elif not self._queue.divide(name):

@@ -100,7 +100,9 @@ def timing_job(fit: Fit, demos: Demos, validation: Demos) -> Times:
 
     seconds = []
     for _ in range(REPEATS):
-        one, last = fitted(1), fitted(few)
+        one = last = fitted(1)
+        if few > 1:
+            last = fitted(few)
         each = (last.seconds - one.seconds) / max(few - 1, 1)
         seconds.append(last.seconds + each * (epochs - few))
     made, layout = get_method(fit.method, fit.variant), get_task(fit.task).layout

@@ -74,8 +74,8 @@ class Exhibit:
         if "diverged" in table and table.diverged.sum():
             sentences.append(f"{int(table.diverged.sum())} diverged episodes count as failures.")
         if "published" in table and table.published.notna().any():
-            drawn = "Diamonds, and numbers" if self.axis else "Numbers"
-            sentences.append(f"{drawn} in parentheses{',' * bool(self.axis)} are the paper's.")
+            diamonds = "Diamonds, and numbers in parentheses, are the paper's."
+            sentences.append(diamonds if self.axis else "Numbers in parentheses are the paper's.")
         names = [*self.subjects, *(table[["row", "column"]].stack() if self.remarks else ())]
         shown = {word for name in names for word in str(name).split(" ")}
         sentences += [remark.text for remark in self.remarks if remark.concerns(shown)]

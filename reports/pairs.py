@@ -10,6 +10,7 @@ import pandas as pd
 
 from bench.power import detectable_difference, pooled
 from reports.multiple import compact_letters, holm
+from reports.pairing import same_seeds, without_expert
 from reports.results import Results
 from reports.seed_statistics import aggregate
 from tasks.data import BoolArray
@@ -48,6 +49,12 @@ def pairs_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
             rows.append({"left": left, "right": right} | _pair(*sides))
     table = pd.DataFrame(rows, columns=[*COLUMNS])
     return table.assign(p_holm=holm(table.p.astype(float)))
+
+
+def pairs_of_table(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
+    """Returns `pairs_of` the methods of a table; none if they have different seeds."""
+    learnt = without_expert(evaluations)
+    return pairs_of(results, learnt if same_seeds(learnt) else learnt[:0])
 
 
 def _pair(left: Sequence[BoolArray], right: Sequence[BoolArray]) -> dict[str, Any]:

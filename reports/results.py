@@ -95,8 +95,15 @@ class Results:
         return self._expert or next(iter(self.experts), FIRST)
 
     def taught_by(self, expert: str) -> "Results":
-        """Returns the results of what that expert taught."""
-        return Results(self.folder, expert=expert)
+        """Returns the results of what that expert taught, opened once."""
+        if expert not in self._taught:
+            self._taught[expert] = Results(self.folder, expert=expert)
+        return self._taught[expert]
+
+    @cached_property
+    def _taught(self) -> dict[str, "Results"]:
+        """Cache of `taught_by`."""
+        return {}
 
     @property
     def notes(self) -> list[str]:

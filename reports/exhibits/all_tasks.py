@@ -7,8 +7,8 @@ import pandas as pd
 
 from reports.exhibit import Exhibit
 from reports.exhibits.success import with_letters
-from reports.pairing import keep_common, same_seeds, without_expert
-from reports.pairs import pairs_of
+from reports.pairing import keep_common
+from reports.pairs import pairs_of_table
 from reports.results import SPLITS, Results, rate_facts
 from reports.style import METHODS, TASKS
 from reports.tables import in_order, table_of
@@ -25,7 +25,7 @@ def table(results: Results) -> pd.DataFrame:
     parts = []
     for split in SPLITS:
         found = of_all_tasks(results.main(split=split))
-        pairs = pairs_of(results, without_expert(found) if same_seeds(found) else found[:0])
+        pairs = pairs_of_table(results, found)
         for statistic in (MEAN, MIDDLE):
             rows = []
             for method, mine in found.groupby("method", sort=False):

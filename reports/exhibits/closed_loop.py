@@ -1,5 +1,7 @@
 """Success of methods that predict their motion anew on the way."""
 
+from math import inf
+
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -53,7 +55,7 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     table = in_nominal_physics(table)
     tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
     places = table.place.drop_duplicates().tolist()
-    intervals = sorted(table.often.unique(), key=_seldom_first)
+    intervals = sorted(table.often.unique(), key=_steps_between, reverse=True)
     drawing, panels = panel_grid(len(places), len(tasks), (0.8, 0.8))
     for place, row in zip(places, panels, strict=True):
         for task, axes in zip(tasks, row, strict=True):
@@ -71,8 +73,8 @@ def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     return drawing
 
 
-def _seldom_first(often: str) -> tuple[bool, int]:
-    return often != NEVER, -int(often.removeprefix(EVERY)) if often != NEVER else 0
+def _steps_between(often: str) -> float:
+    return inf if often == NEVER else int(often.removeprefix(EVERY))
 
 
 EXHIBIT = Exhibit(

@@ -3,8 +3,8 @@
 import pandas as pd
 
 from reports.exhibit import Exhibit
-from reports.pairing import keep_common, same_seeds, without_expert
-from reports.pairs import letters_of, pairs_of, smallest_shown
+from reports.pairing import keep_common
+from reports.pairs import letters_of, pairs_of_table, smallest_shown
 from reports.results import Results
 from reports.style import METHODS
 from reports.tables import in_order, success_table
@@ -24,12 +24,10 @@ def success_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
     """
     found = keep_common(evaluations)
     table = success_table(results, found, "method", "task")
-    learnt = without_expert(found)
-    parts = []
-    for task, part in table.groupby("column", sort=False):
-        here = learnt[learnt.task == task]
-        compared = here if same_seeds(here) else here[:0]
-        parts.append(with_letters(part, pairs_of(results, compared)))
+    parts = [
+        with_letters(part, pairs_of_table(results, found[found.task == task]))
+        for task, part in table.groupby("column", sort=False)
+    ]
     return in_order(pd.concat(parts) if parts else table, METHODS)
 
 

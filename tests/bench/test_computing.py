@@ -11,12 +11,12 @@ from bench.computing import evaluate, fit_methods, imitation_error
 from bench.controller import Controller
 from bench.jobs import stored_bytes
 from bench.machine import random_demos
+from bench.probe import Recorded
 from bench.rollout import TrackedMotion
 from bench.spec import Cell, Evaluation, Fit
-from methods.base import MotionMethod
 from methods.contract import loaded
 from methods.kodex import Kodex
-from tasks.data import Demos, Layout, Starts, generator
+from tasks.data import Demos, Starts, generator
 from tasks.disturbed import disturbed
 from tasks.experts import load_expert
 from tasks.files import to_bytes
@@ -107,37 +107,21 @@ def test_a_method_is_tracked_with_its_own_controller_not_with_the_one_that_it_st
     assert stored_bytes(cell, results) == (b"learnt", "tuned")
 
 
-class Drifting(MotionMethod):
-    """Predicts the states of some demonstrations, each later by 0.1 for each step."""
-
-    name = "drifting"
-
-    def __init__(self, demos, layout):
-        super().__init__(None, layout)
-        self.demos = demos
+class Drifting(Recorded):
+    """Predicts the recorded demonstrations, each later by 0.1 for each step."""
 
     def rollout(self, start, steps):
-        late = 0.1 * np.arange(steps + 1)[:, None]
-        return self.demos.states[:, : steps + 1, : self.layout.robot_dim] + late
-
-    def fit(self, demos, validation, seed):
-        pass
-
-    def parameters(self):
-        return {}
-
-    def load(self, parameters):
-        pass
+        return super().rollout(start, steps) + 0.1 * np.arange(steps + 1)[:, None]
 
 
 def test_the_imitation_error_is_the_mean_over_demonstrations_and_steps_of_each_joint():
-    layout, (count, times) = Layout(2, 3, 1), (4, 6)
+    count, times = 4, 6
     states = generator("drifting").normal(size=(count, times, 5))
     starts = Starts("door", "demo", np.arange(count), np.zeros((count, 1)))
     actions = np.zeros((count, times - 1, 1))
     demos = Demos(starts, states, states[:, :, :2], actions)
     errors = [0.1 * t for _ in range(count) for t in range(1, times)]
-    found = imitation_error(Drifting(demos, layout), demos)
+    found = imitation_error(Drifting(demos), demos)
     np.testing.assert_allclose(found, [np.mean(errors)] * 2)
 
 

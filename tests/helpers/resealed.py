@@ -6,9 +6,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bench.names import KEY_DIGITS, fit_key
-from bench.packed import DIAGNOSTICS, EPISODES, EVALUATIONS, PROVENANCE
+from bench.packed import EPISODES, EVALUATIONS, PROVENANCE
 from bench.sealed_files import seal_folder, seal_table
 from bench.source import FIT_FIELDS
+from bench.stored_files import DIAGNOSTICS
 from bench.submission import LABEL
 
 
