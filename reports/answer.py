@@ -31,7 +31,7 @@ def answer(results: Results) -> list[str]:
     It names the method with the most success, those that cannot be told apart from it, and how far
     the others are behind it. The expert does not take part.
     """
-    found = keep_common(without_expert(results.main(split="test")))
+    found = keep_common(without_expert(results.rows.main(split="test")))
     shown = success_by_method(results, "test")
     sentences = []
     for task in ordered(found.task, TASKS):
@@ -61,8 +61,8 @@ def to_beat(results: Results) -> list[str]:
         if method in shown.index
     ]
     said = [f"The line to beat: {'; '.join(simple)}."] if simple else []
-    if results.beyond:
-        every = success_of(results, results.of_all(split="test"))
+    if results.rows.beyond:
+        every = success_of(results, results.rows.of_all(split="test"))
         learnt = every[every.row != EXPERT]
         best = learnt.loc[learnt.groupby("column", sort=False).value.idxmax()]
         named = [

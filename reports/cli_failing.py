@@ -79,7 +79,7 @@ def _tasks(results: "Results", task: str | None) -> list[str]:
 
     everywhere = results.frame.task.unique()
     there = [
-        task for task in everywhere if any(results.methods(task=task, split=s) for s in SPLITS)
+        task for task in everywhere if any(results.rows.methods(task=task, split=s) for s in SPLITS)
     ]
     if task is None:
         return there
@@ -102,7 +102,7 @@ def _episodes(
     if split is not None and split not in SPLITS:
         raise unknown_name("split", split, SPLITS)
     splits = SPLITS if split is None else (split,)
-    there = {one: results.methods(task=task, split=one) for one in splits}
+    there = {one: results.rows.methods(task=task, split=one) for one in splits}
     known = list(dict.fromkeys(name for names in there.values() for name in names))
     if not known:
         raise InputError(f"{results.folder} holds no results of {task} on split {split!r}")

@@ -32,13 +32,13 @@ def required(reference: Results) -> pd.DataFrame:
     Args:
         reference: the shipped results.
     """
-    rows = [keep_common(without_expert(reference.main(split=split))) for split in SPLITS]
+    rows = [keep_common(without_expert(reference.rows.main(split=split))) for split in SPLITS]
     return pd.concat(rows, ignore_index=True)
 
 
 def main_rows(results: Results, label: str) -> pd.DataFrame:
     """Returns the rows of a method that are compared: at the size that validation starts choose."""
-    rows = [results.main(method=label, split=split) for split in SPLITS]
+    rows = [results.rows.main(method=label, split=split) for split in SPLITS]
     return pd.concat(rows, ignore_index=True)
 
 

@@ -54,7 +54,7 @@ def compare(results: Results, methods: Sequence[str]) -> pd.DataFrame:
 def compared_rows(results: Results, methods: Sequence[str]) -> pd.DataFrame:
     """Returns the evaluations that `compare` compares."""
     parts = [
-        results.main(method=method, split=split, controller=_controller(results, method))
+        results.rows.main(method=method, split=split, controller=_controller(results, method))
         for method in _labels(results, methods)
         for split in SPLITS
     ]
@@ -94,10 +94,10 @@ def as_text(table: pd.DataFrame, suffixes: Mapping[str, str]) -> str:
 
 def _labels(results: Results, names: Sequence[str]) -> list[str]:
     """Returns the distinct labels that the names of methods stand for."""
-    known = results.methods()
+    known = results.rows.methods()
     return list(dict.fromkeys(label for name in names for label in labels_of(name, known)))
 
 
 def _controller(results: Results, method: str) -> str:
-    controllers = results.select(method=method).controller.unique()
+    controllers = results.rows.select(method=method).controller.unique()
     return "original" if "original" in controllers else "none"

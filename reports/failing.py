@@ -104,12 +104,12 @@ def evaluations(
     get_task(task)
     if split not in SPLITS:
         raise unknown_name("split", split, SPLITS)
-    known = results.methods(task=task, split=split)
+    known = results.rows.methods(task=task, split=split)
     if not known:
         raise InputError(f"{results.folder} holds no results of task {task!r} on split {split!r}")
     if method not in known:
         raise unknown_name(f"method with results on {task}", method, known)
-    found = results.main(task=task, method=method, split=split).sort_values("seed")
+    found = results.rows.main(task=task, method=method, split=split).sort_values("seed")
     if seed is not None:
         seeds = found.seed.unique()
         found = found[found.seed == seed]

@@ -1,7 +1,7 @@
 """What results say of a statement: its number, with an interval and a p-value."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import singledispatch
+from functools import partial, singledispatch
 from math import sqrt
 from typing import NamedTuple
 
@@ -26,8 +26,10 @@ from reports.claim import (
     TrainsLonger,
     Trend,
 )
+from reports.diagnostics import imitation_error, magnitudes
 from reports.exhibits.table_11 import SETS
-from reports.results import SIZES, Results
+from reports.results import Results
+from reports.rows import SIZES
 from reports.seed_statistics import (
     ONE_SEED,
     OVER_SEEDS,
@@ -175,7 +177,7 @@ def _error_by_set(results: Results) -> FloatArray:
     for task in TASKS:
         fits = [_fits(results, task, variant).set_index("seed").folder for variant in SETS]
         common = pd.concat(fits, axis=1, join="inner").sort_index()
-        errors.append(common.map(results.imitation_error).to_numpy(float))
+        errors.append(common.map(partial(imitation_error, results)).to_numpy(float))
     seeds = min(map(len, errors))
     if not seeds:
         raise NotRunError("the sets of observables have no seed in common")
@@ -210,7 +212,7 @@ def _(statement: LargestAboveOne, results: Results) -> Measured:
 
 def _magnitudes(results: Results, task: str) -> list[FloatArray]:
     """The eigenvalue magnitudes of K for each seed of KODex, without that of the constant."""
-    return [results.magnitudes(row) for row in _fits(results, task).to_dict("records")]
+    return [magnitudes(results, row) for row in _fits(results, task).to_dict("records")]
 
 
 @measure.register
@@ -237,7 +239,7 @@ def over_seeds(values: FloatArray, margin: float) -> Estimate:
 
 def _fits(results: Results, task: str, variant: str = "described") -> pd.DataFrame:
     """One row for each seed of KODex."""
-    found = results.main(method="kodex", task=task, variant=variant).drop_duplicates("seed")
+    found = results.rows.main(method="kodex", task=task, variant=variant).drop_duplicates("seed")
     if found.empty:
         raise NotRunError(f"no results of {Setting('kodex', task, variant=variant)}")
     return found.sort_values("seed")
@@ -245,7 +247,9 @@ def _fits(results: Results, task: str, variant: str = "described") -> pd.DataFra
 
 def _seconds(results: Results, method: str, task: str, variant: str = "described") -> float:
     """The training time of the first seed that was timed."""
-    timed = results.main(method=method, task=task, variant=variant).dropna(subset="fit_seconds")
+    timed = results.rows.main(method=method, task=task, variant=variant).dropna(
+        subset="fit_seconds"
+    )
     if timed.empty:
         raise NotRunError(f"no training time of {Setting(method, task, variant=variant)}")
     return float(timed.fit_seconds.iloc[0])
@@ -267,7 +271,7 @@ def _success(settings: Sequence[Setting], results: Results) -> list[BoolArray]:
     shown = []
     for setting, success in zip(settings, found, strict=True):
         if success is None:
-            there = not results.main(**_selection(setting)).empty
+            there = not results.rows.main(**_selection(setting)).empty
             raise NotRunError(f"no {'common seed' if there else 'results'} of {setting}")
         shown.append(success)
     return shown

@@ -27,7 +27,7 @@ Shares = dict[tuple[str, str], FloatArray]
 
 def study_facts(results: Results) -> dict[str, str]:
     """Returns what was run, by name of the fact."""
-    frame, found = results.frame, results.main(split="test")
+    frame, found = results.frame, results.rows.main(split="test")
     found = found if len(found) else frame
     methods = sorted(ordered(frame.method, METHODS), key=EXPERT.__eq__)  # the expert comes last
     days = results.finished
@@ -80,7 +80,7 @@ def strips(
         ``own``. ``submitted``: likewise, with the ``mark`` of each. ``footnotes``: what a reader
         must know of them.
     """
-    shares = _shares(results, keep_common(results.main(split="test")))
+    shares = _shares(results, keep_common(results.rows.main(split="test")))
     theirs = [_shares(one.results, one.evaluations) for one in submitted]
     parts = [
         (table, shares),
@@ -158,7 +158,7 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
         its ``start`` (None if it always succeeds), the ``film`` of that start or None, and the
         ``command`` that films it.
     """
-    found = without_expert(results.main(split="test")).sort_values("seed", kind="stable")
+    found = without_expert(results.rows.main(split="test")).sort_values("seed", kind="stable")
     found = found.drop_duplicates(["task", "method"])
     # Packed results hold no fits to film: there the reader names a folder that does.
     place = "DIR" if is_packed(results.folder) else shlex.quote(str(results.folder))

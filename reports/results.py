@@ -9,28 +9,23 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
-from bench.labels import EXPERT, labelled, plain
-from bench.names import CONDITIONS, PLAIN
+from bench.labels import EXPERT, labelled
+from bench.names import CONDITIONS
 from bench.packed import SHIPPED, open_results
-from bench.selection import best_size
 from bench.source import Source
 from methods.base import Parameters
-from methods.registry import CLOSED_LOOP
 from reports.mixed import MARK, MixedProtocols
 from reports.pairing import common, keep_common
 from reports.protocol import differences
 from reports.reference import WithShippedMethods
 from reports.remarks import OWN, Remark, remarks_on_the_expert
+from reports.rows import Rows
 from reports.seed_statistics import rate
 from reports.style import METHODS, TASKS, display, ordered
-from tasks.data import BoolArray, FloatArray
+from tasks.data import BoolArray
 from tasks.errors import InputError
 from tasks.registry import EXPERTS, FIRST
 
-SIZES = ("small", "median", "large")
-COMPARED = (NO_CONTROLLER, ORIGINAL)
-"""Controllers of every experiment but `audit`."""
 RATE = ("value", "spread", "low", "high", "basis", "seeds", "n")
 """Columns of a success rate in tables."""
 SPLITS = ("test", "ood")
@@ -79,6 +74,11 @@ class Results:
         return found.sort_values(
             "task", key=lambda names: names.map(places), kind="stable", ignore_index=True
         )
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Selects rows of the `frame`."""
+        return Rows(self.frame)
 
     @cached_property
     def experts(self) -> list[str]:
@@ -185,56 +185,6 @@ class Results:
         """Returns the diagnostics of a fit, given its ``folder`` in the frame."""
         return self.source.diagnostics(folder)
 
-    def magnitudes(self, row: Mapping[str, Any]) -> FloatArray:
-        """Returns the magnitudes (p,) of the eigenvalues of K, for a row of KODex.
-
-        The constant observable has an eigenvalue of 1, up to rounding, which is left out.
-
-        Raises:
-            InputError: none are stored, or they have another shape or are not finite.
-        """
-        folder = row["folder"]
-        found = self._diagnostic(folder, "eigenvalues")
-        if found.ndim != 2 or found.shape[1] != 2 or not found.size or not np.isfinite(found).all():
-            raise InputError(
-                f"{folder} has stored eigenvalues of shape {found.shape}, not finite ones of (p, 2)"
-            )
-        if row["config"].get("constant"):
-            found = np.delete(found, np.hypot(found[:, 0] - 1, found[:, 1]).argmin(), axis=0)
-        return np.hypot(*found.T)
-
-    def gap(self, folder: str) -> tuple[int, int, float, float]:
-        """Returns what a fit of KODex heeds: p, the rank, and the gap in the singular values.
-
-        The gap has two ends, relative to the largest value: the last that counts, and the next (0
-        if all count).
-
-        Raises:
-            InputError: no singular values or no rank are stored, or they do not fit together.
-        """
-        values, rank = self._diagnostic(folder, "singular_values"), self._diagnostic(folder, "rank")
-        if rank.shape or values.ndim != 1 or not 0 < rank <= len(values):
-            raise InputError(
-                f"{folder} has stored {values.shape} singular values and rank {rank}, not (p,) and"
-                " a number up to p"
-            )
-        last, following = [*values, 0.0][int(rank) - 1 : int(rank) + 1]
-        return len(values), int(rank), float(last / values[0]), float(following / values[0])
-
-    def imitation_error(self, folder: str) -> float:
-        """Returns the mean over joints of a fit's stored imitation error.
-
-        Raises:
-            InputError: none is stored.
-        """
-        return float(self._diagnostic(folder, "imitation_error").mean())
-
-    def _diagnostic(self, folder: str, name: str) -> FloatArray:
-        found = self.diagnostics(folder)
-        if name not in found:
-            raise InputError(f"{folder} has stored no {name.replace('_', ' ')}")
-        return found[name]
-
     def controller_spec(self, key: str) -> dict[str, Any]:
         """Returns the fields of a controller, given its ``controller_key`` in the frame."""
         return self.source.controller_spec(key)
@@ -259,7 +209,7 @@ class Results:
 
         None for a selection without rows, and for all if the others share no seed.
         """
-        parts = [self.main(**values).assign(place=i) for i, values in enumerate(selections)]
+        parts = [self.rows.main(**values).assign(place=i) for i, values in enumerate(selections)]
         found = self.paired(pd.concat(parts), ["place"])
         return [found.get((i,)) for i in range(len(parts))]
 
@@ -322,91 +272,6 @@ class Results:
     @cached_property
     def _read(self) -> dict[tuple[str, ...], BoolArray]:
         """Cache of `_stored`, by folder and conditions."""
-        return {}
-
-    def select(self, **values: object) -> pd.DataFrame:
-        """Returns the evaluations with these values.
-
-        Defaults: methods as described, nominal physics, success by appendix C, and the
-        controllers `COMPARED`. Unless it is named, no method `beyond` the paper is among them.
-        """
-        wanted = PLAIN | {"variant": "described"} | values
-        keep = [self._where(name, value) for name, value in wanted.items()]
-        if "controller" not in values:
-            keep.append(self._compared)
-        if "method" not in values:
-            keep.append(self._not_beyond)
-        return self.frame[np.logical_and.reduce(keep)]
-
-    def _where(self, name: str, value: object) -> BoolArray:
-        """Returns which rows of the frame have a value in a column, found once."""
-        if (name, value) not in self._found:
-            self._found[name, value] = (self.frame[name] == value).to_numpy(bool)
-        return self._found[name, value]
-
-    @cached_property
-    def _found(self) -> dict[tuple[str, object], BoolArray]:
-        """Cache of `_where`, by its arguments."""
-        return {}
-
-    @cached_property
-    def _compared(self) -> BoolArray:
-        return self.frame.controller.isin(COMPARED).to_numpy(bool)
-
-    @cached_property
-    def _not_beyond(self) -> BoolArray:
-        return ~self.frame.method.isin(self.beyond).to_numpy(bool)
-
-    @cached_property
-    def beyond(self) -> frozenset[str]:
-        """The methods that tables of the paper leave out: closed-loop ones, beside others."""
-        found = frozenset(m for m in self.frame.method.unique() if plain(m) in CLOSED_LOOP)
-        others = frozenset(self.frame.method.unique()) - found - {EXPERT}
-        return found if others else frozenset()
-
-    def methods(self, **values: object) -> list[str]:
-        """Returns the methods that `select` finds, those `beyond` the paper among them."""
-        return [m for m in self.frame.method.unique() if len(self.select(method=m, **values))]
-
-    def of_all(self, **values: object) -> pd.DataFrame:
-        """Returns the rows of `main` for all methods, those `beyond` the paper among them."""
-        return pd.concat(self.main(method=m, **values) for m in self.frame.method.unique())
-
-    def main(self, **values: object) -> pd.DataFrame:
-        """Returns the rows of `chosen` with the most demonstrations of each method."""
-        found = self.chosen(**values)
-        if found.empty:
-            return found
-        return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]
-
-    def chosen(self, **values: object) -> pd.DataFrame:
-        """Returns the rows of `select` at the chosen size of each method."""
-        found = self.select(**values)
-        if found.empty:
-            return found
-        places = list(zip(found.task, found.method, strict=True))
-        sizes: dict[tuple[str, str], list[str]] = {}
-        for place, size in zip(places, found["size"], strict=True):
-            sizes.setdefault(place, []).append(size)
-        best = {place: self._best_size(*place, set(several)) for place, several in sizes.items()}
-        return found[found["size"].to_numpy() == [best[place] for place in places]]
-
-    def _best_size(self, task: str, method: str, sizes: set[str]) -> str:
-        """Returns which of these sizes has the most success from validation starts.
-
-        Those of fits with the most demonstrations decide, as in a run.
-        """
-        place = task, method, *sorted(sizes)
-        if place not in self._best_sizes:
-            in_order = [size for size in dict.fromkeys((*SIZES, *sizes)) if size in sizes]
-            validated = self.select(task=task, method=method, split="validation")
-            validated = validated[validated.demos == validated.demos.max()]
-            self._best_sizes[place] = best_size(validated, in_order)
-        return self._best_sizes[place]
-
-    @cached_property
-    def _best_sizes(self) -> dict[tuple[str, ...], str]:
-        """Cache of `_best_size`, by its arguments."""
         return {}
 
 

@@ -73,7 +73,7 @@ def other_protocols(
     results: Results, rows: pd.DataFrame, reference: Results
 ) -> MixedProtocols | None:
     """Returns in which settings rows of results differ from the shipped ones; None if in none."""
-    theirs = pd.concat(reference.main(split=split) for split in SPLITS)
+    theirs = pd.concat(reference.rows.main(split=split) for split in SPLITS)
     theirs = theirs[theirs.task.isin(rows.task)]
 
     def specs(key: str) -> dict[str, object]:
@@ -113,7 +113,7 @@ def _rows(results: Results, label: str, missing: Sequence[str]) -> pd.DataFrame:
     if protocols:
         raise InputError(f"{protocols.text}\nget comparable rows: {protocols.command(rows)}")
     _check_whole(results, label, lacking(rows, needed))
-    every = pd.concat([rows, results.select(method=label, split=VALIDATION)])
+    every = pd.concat([rows, results.rows.select(method=label, split=VALIDATION)])
     return every.merge(needed[["task", "seed"]].drop_duplicates())
 
 

@@ -113,7 +113,7 @@ class Trial:
     def _others(self, reference: Results) -> pd.DataFrame:
         """Returns the shipped evaluations of methods on the trial's starts."""
         fit = self.cell.fit
-        return without_expert(reference.main(task=fit.task, split="test", seed=fit.seed))
+        return without_expert(reference.rows.main(task=fit.task, split="test", seed=fit.seed))
 
 
 def _row(method: str, success: BoolArray) -> tuple[Any, ...]:

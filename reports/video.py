@@ -161,7 +161,7 @@ def frames(takes: Sequence[Take]) -> Iterator[Frame]:
 
 def _tested(results: Results, task: str) -> pd.DataFrame:
     """Returns the evaluations of all methods on test starts of a task."""
-    found = results.of_all(task=task, split="test")
+    found = results.rows.of_all(task=task, split="test")
     if found.empty:
         raise InputError(f"no method has results on test starts of {task!r}")
     return found

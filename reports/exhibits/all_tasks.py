@@ -24,7 +24,7 @@ def table(results: Results) -> pd.DataFrame:
     """
     parts = []
     for split in SPLITS:
-        found = of_all_tasks(results.main(split=split))
+        found = of_all_tasks(results.rows.main(split=split))
         pairs = pairs_of_table(results, found)
         for statistic in (MEAN, MIDDLE):
             rows = []

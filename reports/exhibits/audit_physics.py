@@ -14,12 +14,12 @@ from tasks.masses import CHANGES, READINGS
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each task and reading of a variation, and a column for each method."""
     parts = [
-        results.main(task=task, split="test", physics=physics)
+        results.rows.main(task=task, split="test", physics=physics)
         for task in TASKS
         for physics in (*CHANGES[task], *READINGS[task])
     ]
     parts += [
-        results.main(task=task, split="test", physics=physics, controller=controller)
+        results.rows.main(task=task, split="test", physics=physics, controller=controller)
         for task in TASKS
         for physics in CHANGES[task]
         for controller in (TUNED, ON_SUCCESSES, FINE_TUNED)

@@ -13,8 +13,8 @@ def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method, and a column for each task and success rule."""
     parts = []
     for task in JUDGED_OTHERWISE:
-        published = results.main(task=task, split="test", rule=PUBLISHED)
-        appendix = results.main(task=task, split="test")
+        published = results.rows.main(task=task, split="test", rule=PUBLISHED)
+        appendix = results.rows.main(task=task, split="test")
         parts += [appendix[appendix.folder.isin(published.folder)], published]
     found = pd.concat(parts)
     if found.empty:

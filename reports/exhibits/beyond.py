@@ -28,17 +28,17 @@ CONDITIONS: dict[str, dict[str, Any]] = {
 
 def by_task(results: Results) -> pd.DataFrame:
     """Returns a row for each method and the expert, and a column for each task."""
-    if not results.beyond:
+    if not results.rows.beyond:
         return table_of()
-    return success_of(results, results.of_all(split="test"))
+    return success_of(results, results.rows.of_all(split="test"))
 
 
 def by_condition(results: Results) -> pd.DataFrame:
     """Returns a row for each method with results on all tasks, and a column for each condition."""
-    if not results.beyond:
+    if not results.rows.beyond:
         return table_of()
     parts = [
-        results.of_all(**{"split": "test"} | condition).assign(condition=name)
+        results.rows.of_all(**{"split": "test"} | condition).assign(condition=name)
         for name, condition in CONDITIONS.items()
     ]
     found = of_all_tasks(pd.concat(parts), ["condition", "method"])

@@ -22,7 +22,7 @@ def table(results: Results) -> pd.DataFrame:
     conditions = found[["physics", "disturbance"]].drop_duplicates().to_dict("records")
     replans = sorted(found.replan.unique(), reverse=True)
     parts = [
-        results.main(split="test", replan=replan, **condition)
+        results.rows.main(split="test", replan=replan, **condition)
         for condition in conditions
         for replan in (0, *replans)
     ]

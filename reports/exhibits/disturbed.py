@@ -23,10 +23,10 @@ AXES = {
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and disturbance, and a column for each task."""
     names = [Disturbance(k, s).name for k, kind in KINDS.items() for s in kind.strengths]
-    parts = [results.of_all(split="test", disturbance=name) for name in names]
+    parts = [results.rows.of_all(split="test", disturbance=name) for name in names]
     if all(part.empty for part in parts):
         return table_of()
-    found = pd.concat([results.of_all(split="test"), *parts])
+    found = pd.concat([results.rows.of_all(split="test"), *parts])
     label = found.method + " " + found.disturbance
     rows = [f"{method} {name}" for method in METHODS for name in (UNDISTURBED, *names)]
     rates = in_order(success_table(results, found.assign(label=label), "label", "task"), rows)

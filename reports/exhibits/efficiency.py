@@ -16,7 +16,7 @@ from reports.tables import table_of
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = given_in_all(without_expert(results.chosen(split="test")))
+    found = given_in_all(without_expert(results.rows.chosen(split="test")))
     if found.demos.nunique() < 2:
         return table_of()
     return by_demos(results.rates(found, ["method", "demos", "task"]))

@@ -13,7 +13,7 @@ from reports.tables import table_of
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
-    found = given_in_all(without_expert(results.chosen(split="test")))
+    found = given_in_all(without_expert(results.rows.chosen(split="test")))
     found = found.dropna(subset="fit_seconds")
     if found.empty:
         return table_of()

@@ -1,5 +1,6 @@
 """Figure 6, center and right: imitation error and success by set of observables."""
 
+from functools import partial
 from itertools import cycle
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from reports.charts import add_legend, by_row, dot_single_fits, errors_of
+from reports.diagnostics import imitation_error
 from reports.exhibit import Exhibit
 from reports.exhibits.table_11 import SETS
 from reports.pairing import keep_common
@@ -27,7 +29,7 @@ def table(results: Results) -> pd.DataFrame:
     Both are of the same seeds: the mean of success, and the median of the error, since a single
     diverging prediction would make a mean of any size.
     """
-    found = pd.concat(results.main(method="kodex", variant=v, split="test") for v in SETS)
+    found = pd.concat(results.rows.main(method="kodex", variant=v, split="test") for v in SETS)
     if found.empty:
         return table_of()
     found = keep_common(found, ["variant"])
@@ -39,7 +41,7 @@ def table(results: Results) -> pd.DataFrame:
         success = rates[rates.variant == variant].drop(columns="variant")
         parts.append(success.assign(row=f"{name}: {SUCCESS}"))
         mine = found[found.variant == variant]
-        errors = mine.folder.map(results.imitation_error).fillna(np.inf)
+        errors = mine.folder.map(partial(imitation_error, results)).fillna(np.inf)
         errors = errors.groupby(mine.task, sort=False).median()
         error = errors.rename("value").reset_index()
         parts.append(error.assign(row=f"{name}: {ERROR}"))

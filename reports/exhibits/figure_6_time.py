@@ -14,7 +14,7 @@ def table(results: Results) -> pd.DataFrame:
     rows = [
         {"row": name, "column": one.task, "value": one.fit_seconds}
         for variant, name in SETS.items()
-        for one in results.main(method="kodex", variant=variant)
+        for one in results.rows.main(method="kodex", variant=variant)
         .dropna(subset="fit_seconds")
         .drop_duplicates("task")
         .itertuples()

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from reports.charts import task_panels
 from reports.exhibit import Exhibit
-from reports.exhibits.table_12 import magnitudes
+from reports.exhibits.table_12 import magnitudes_by_task
 from reports.results import Results
 from reports.style import INK, colour
 from reports.tables import table_of
@@ -25,7 +25,7 @@ def table(results: Results) -> pd.DataFrame:
     """
     names = [f"{low:.2f} to {high:.2f}" for low, high in pairwise(EDGES[:-1])] + [LARGEST]
     rows = []
-    for task, values in magnitudes(results).items():
+    for task, values in magnitudes_by_task(results).items():
         counts, _ = np.histogram(np.minimum(values, EDGES[-1]), EDGES)
         rows += [
             {"row": name, "column": task, "value": float(count)}

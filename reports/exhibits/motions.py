@@ -46,7 +46,7 @@ def table(results: Results) -> pd.DataFrame:
     parts: list[pd.DataFrame] = []
     rows: list[dict[str, Any]] = []
     if isinstance(results.source, StoredResults):
-        found = keep_common(without_expert(results.main(split="test")))
+        found = keep_common(without_expert(results.rows.main(split="test")))
         for _, of_task in found.groupby("task", sort=False):
             of_seed = of_task[of_task.seed == of_task.seed.min()]
             rows = of_seed.drop_duplicates("method").to_dict("records")

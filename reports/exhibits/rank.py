@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from reports.diagnostics import gap
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.tables import table_of
@@ -11,10 +12,12 @@ ROWS = ("observables", "rank", "last that counts", "next")
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each of `ROWS` and a column for each task, the narrowest gap over seeds."""
-    found = results.main(method="kodex").drop_duplicates("folder")
+    found = results.rows.main(method="kodex").drop_duplicates("folder")
     rows = []
     for task, mine in found.groupby("task", sort=False):
-        observables, rank, last, following = zip(*map(results.gap, mine.folder), strict=True)
+        observables, rank, last, following = zip(
+            *(gap(results, fit) for fit in mine.folder), strict=True
+        )
         values = (max(observables), min(rank), min(last), max(following))
         rows += [
             {"row": row, "column": task, "value": float(value), "seeds": len(mine)}

@@ -26,7 +26,7 @@ CONTROLLERS = (ORIGINAL, TUNED)
 def _exhibit(task: str, title: str) -> Exhibit:
     def table(results: Results) -> pd.DataFrame:
         """Returns a row for each method and controller, and a column for each physics."""
-        of_task = partial(results.main, task=task, split="test")
+        of_task = partial(results.rows.main, task=task, split="test")
         found = pd.concat([of_task(physics=v) for v in VARIATIONS])
         if found.empty:
             return table_of()

@@ -5,7 +5,8 @@ import pandas as pd
 from bench.labels import plain
 from reports.exhibit import Exhibit
 from reports.paper import with_published
-from reports.results import SIZES, Results
+from reports.results import Results
+from reports.rows import SIZES
 from reports.style import display
 from reports.tables import in_order, success_table
 
@@ -13,7 +14,7 @@ from reports.tables import in_order, success_table
 def _exhibit(name: str, method: str, title: str) -> Exhibit:
     def table(results: Results) -> pd.DataFrame:
         """Returns a row for each size and a column for each task."""
-        found = results.select(split="validation")
+        found = results.rows.select(split="validation")
         found = found[found.method.map(plain) == method]
         found = found[found.demos == found.groupby("task").demos.transform("max")]
         size = found["size"].where(found.method == method, found.method + " " + found["size"])

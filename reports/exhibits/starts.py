@@ -34,7 +34,7 @@ def table(results: Results) -> pd.DataFrame:
 
     parts = []
     for split in SPLITS:
-        rows = results.main(split=split)
+        rows = results.rows.main(split=split)
         found = keep_common(rows[rows.task.isin(task_names())])
         if found.empty:
             continue

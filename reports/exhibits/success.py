@@ -12,7 +12,7 @@ from reports.tables import in_order, success_table
 
 def success_by_method(results: Results, split: str) -> pd.DataFrame:
     """Returns success [%] on a split, see `success_of`."""
-    return success_of(results, results.main(split=split))
+    return success_of(results, results.rows.main(split=split))
 
 
 def success_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:

@@ -23,7 +23,7 @@ def table(results: Results) -> pd.DataFrame:
     ``seeds``, ``n`` starts of each.
     """
     parts = []
-    rows = results.main(split="test")
+    rows = results.rows.main(split="test")
     whole = keep_common(rows[rows.task.isin(task_names())])
     for (task, method), found in whole.groupby(["task", "method"], sort=False):
         count = int(found.episodes.min())

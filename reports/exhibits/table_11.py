@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from reports.diagnostics import magnitudes
 from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
@@ -15,9 +16,9 @@ def table(results: Results) -> pd.DataFrame:
     """Returns a row for each set and a column for each task."""
     rows = []
     for variant, name in SETS.items():
-        fits = results.main(method="kodex", variant=variant).drop_duplicates("task")
+        fits = results.rows.main(method="kodex", variant=variant).drop_duplicates("task")
         for fit in fits.to_dict("records"):
-            count = float(len(results.magnitudes(fit)))
+            count = float(len(magnitudes(results, fit)))
             rows.append({"row": name, "column": fit["task"], "value": count})
     table = table_of(rows)
     return with_published(table, "table_11")

@@ -4,18 +4,21 @@ import numpy as np
 import pandas as pd
 
 from reports.charts import dots
+from reports.diagnostics import magnitudes
 from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
 
 
-def magnitudes(results: Results) -> dict[str, np.ndarray]:
+def magnitudes_by_task(results: Results) -> dict[str, np.ndarray]:
     """Returns the eigenvalue magnitudes of each seed's K (R, p) by task, for KODex as described."""
     found = (
-        results.main(method="kodex").drop_duplicates("folder").sort_values("seed", kind="stable")
+        results.rows.main(method="kodex")
+        .drop_duplicates("folder")
+        .sort_values("seed", kind="stable")
     )
     return {
-        str(task): np.array([results.magnitudes(row) for row in mine.to_dict("records")])
+        str(task): np.array([magnitudes(results, row) for row in mine.to_dict("records")])
         for task, mine in found.groupby("task", sort=False)
     }
 
@@ -30,7 +33,7 @@ def table(results: Results) -> pd.DataFrame:
             "spread": values.max(axis=1).std(ddof=1) if len(values) > 1 else np.nan,
             "seeds": len(values),
         }
-        for task, values in magnitudes(results).items()
+        for task, values in magnitudes_by_task(results).items()
     ]
     columns = ["row", "column", "value", "spread", "seeds"]
     return with_published(pd.DataFrame(rows, columns=columns), "table_12")

@@ -13,7 +13,7 @@ FIT, ACTION = "training [s]", "action [ms]"
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method: means over the tasks on which all methods were timed."""
-    found = without_expert(results.of_all(split="test")).dropna(subset="action_seconds")
+    found = without_expert(results.rows.of_all(split="test")).dropna(subset="action_seconds")
     timed = found.drop_duplicates(["method", "task"]).set_index(["task", "method"])
     seconds = timed[["fit_seconds", "action_seconds"]].unstack()
     means = seconds.dropna().mean().unstack(0)

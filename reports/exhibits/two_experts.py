@@ -22,7 +22,7 @@ def by_expert(results: Results, split: str) -> pd.DataFrame:
     if set(results.experts) != set(EXPERTS):
         return table_of()
     taught = {name: results.taught_by(name) for name in EXPERTS}
-    rows = pd.concat(one.of_all(split=split) for one in taught.values())
+    rows = pd.concat(one.rows.of_all(split=split) for one in taught.values())
     common = keep_common(rows, ["expert", "method"])
     parts = []
     for name, one in taught.items():

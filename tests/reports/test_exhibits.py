@@ -18,6 +18,7 @@ from reports.exhibit import Exhibit
 from reports.exhibits import EXHIBITS
 from reports.exhibits.starts import OUTCOMES
 from reports.results import Results
+from reports.rows import Rows
 from reports.seed_statistics import ONE_SEED, OVER_SEEDS
 from reports.style import TASKS, colour
 from reports.write import write_report
@@ -75,6 +76,7 @@ class MadeUp(Results):
     def taught_by(self, expert):
         taught = copy(self)
         taught.frame = self.frame.assign(expert=expert)
+        taught.rows = Rows(taught.frame)
         return taught
 
     def outcomes(self, row):
@@ -160,7 +162,7 @@ def test_robustness_has_the_papers_rows_and_numbers_and_a_nominal_column(number,
     assert table.row.drop_duplicates().tolist() == rows
     assert table.column.drop_duplicates().tolist()[0] == "nominal"
     nominal = table[table.column == "nominal"].set_index("row").value
-    fits = results.main(task=TASKS[number - 7], split="test", method="nn").folder
+    fits = results.rows.main(task=TASKS[number - 7], split="test", method="nn").folder
     shares = [int(200 * rate(fit)) / 2 for fit in fits]
     assert nominal["nn original"] == pytest.approx(np.mean(shares))
     assert set(table.n) == {200}
@@ -185,7 +187,7 @@ def test_intervals_contain_the_value_and_spreads_are_over_seeds(results):
     table = BY_NAME["success"].table(results)
     assert ((table.low <= table.value) & (table.value <= table.high)).all()
     assert table.spread.notna().all()
-    nn = results.main(split="test", method="nn", task="door")
+    nn = results.rows.main(split="test", method="nn", task="door")
     expected = np.std(100 * nn.successes / nn.episodes, ddof=1)
     row = table[(table.row == "nn") & (table.column == "door")].iloc[0]
     assert (row.spread, row.seeds, row.n) == (pytest.approx(expected), 3, 1000)
@@ -423,11 +425,11 @@ def test_a_report_shows_the_size_that_validation_starts_choose(results):
         size: (part.successes / part.episodes).mean() for size, part in validated.groupby("size")
     }
     best = max(sizes, key=sizes.get)
-    more, shown = MadeUp(), results.main(split="test", method="nn", task="door")
+    more, shown = MadeUp(), results.rows.main(split="test", method="nn", task="door")
     parts = [shown.assign(size=size, successes=0 if size == best else 999) for size in sizes]
     others = more.frame.query("method != 'nn'")
     more.frame = pd.concat([others, validated, *parts], ignore_index=True)
-    assert set(more.main(split="test", method="nn", task="door")["size"]) == {best}
+    assert set(more.rows.main(split="test", method="nn", task="door")["size"]) == {best}
 
 
 def test_points_of_replanning_stand_above_their_intervals():

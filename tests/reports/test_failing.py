@@ -34,7 +34,7 @@ def results(bench, task, smoke, tmp_path):
 
 
 def row_of(folder, method, split="test"):
-    frame = Results(folder).main(method=method, split=split)
+    frame = Results(folder).rows.main(method=method, split=split)
     return frame.to_dict("records")[0]
 
 
@@ -54,7 +54,7 @@ def test_a_replay_of_another_seed_has_the_readings_of_the_run(task, bench, smoke
     )
     assert bench(*run, "--jobs", "1", "--out", str(tmp_path))[0] == 0
     stored = StoredResults(tmp_path)
-    for row in Results(tmp_path).main(split="test").to_dict("records"):
+    for row in Results(tmp_path).rows.main(split="test").to_dict("records"):
         found = replay(tmp_path, row, [1, 4]).episodes.readings.astype(np.float32)
         np.testing.assert_array_equal(found, stored.readings(row)[[1, 4]])
 

@@ -11,7 +11,7 @@ import pytest
 import bench
 from bench.packed import SHIPPED
 from methods.registry import get_method
-from reports.results import SIZES
+from reports.rows import SIZES
 
 ROOT = Path(__file__).parents[2]
 REPORT = """

@@ -29,6 +29,7 @@ class Shipped(Results):
     """Shipped results with a rate for each method, which fails on the hardest starts."""
 
     rates = MappingProxyType({"ndp": 0.5, "nn": 0.84, "kodex": 0.8})
+    rows = property(lambda self: self)
 
     def __init__(self, cell):
         self.cell = cell

@@ -45,6 +45,7 @@ class Seeds(Results):
     """Results whose success in each setting is given as each seed's share [%]."""
 
     frame = pd.DataFrame()
+    rows = property(lambda self: self)
 
     def __init__(self, percents):
         """Takes a function from the values of a selection to each seed's share, or None."""
@@ -260,7 +261,11 @@ class Kodex(Seeds):
         )
         self.frame = pd.DataFrame(
             {"task": task, "method": method, "variant": variant, "seed": seed}
-            | {"folder": f"{level}/{seed}", "fit_seconds": level if seed == 1 else np.nan}
+            | {
+                "folder": f"{level}/{seed}",
+                "config": {},
+                "fit_seconds": level if seed == 1 else np.nan,
+            }
             for task in TASKS
             for method in METHODS
             for level, variant in enumerate(SETS, 1)
@@ -271,11 +276,11 @@ class Kodex(Seeds):
         keep = [self.frame[name] == value for name, value in values.items()]
         return self.frame[np.logical_and.reduce(keep)]
 
-    def imitation_error(self, folder):
-        return self.error(*map(int, folder.split("/")))
-
-    def magnitudes(self, row):
-        return (1 + 0.01 * row["seed"]) * np.array(self.given)
+    def diagnostics(self, folder):
+        level, seed = map(int, folder.split("/"))
+        magnitudes = (1 + 0.01 * seed) * np.array(self.given)
+        eigenvalues = np.stack([magnitudes, np.zeros_like(magnitudes)], axis=1)
+        return {"imitation_error": np.array(self.error(level, seed)), "eigenvalues": eigenvalues}
 
 
 def test_a_quantity_that_rises_or_falls_on_every_task_is_reproduced():

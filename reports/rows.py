@@ -1,0 +1,109 @@
+"""The stored evaluations that an exhibit shows: of the paper's methods, or of all."""
+
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
+from bench.labels import EXPERT, plain
+from bench.names import PLAIN
+from bench.selection import best_size
+from methods.registry import CLOSED_LOOP
+from tasks.data import BoolArray
+
+SIZES = ("small", "median", "large")
+COMPARED = (NO_CONTROLLER, ORIGINAL)
+"""Controllers of every experiment but `audit`."""
+
+
+class Rows:
+    """Selects rows of a frame of evaluations, see `reports.results.Results.frame`."""
+
+    def __init__(self, frame: pd.DataFrame) -> None:
+        self.frame = frame
+
+    def select(self, **values: object) -> pd.DataFrame:
+        """Returns the evaluations with these values.
+
+        Defaults: methods as described, nominal physics, success by appendix C, and the
+        controllers `COMPARED`. Unless it is named, no method `beyond` the paper is among them.
+        """
+        wanted = PLAIN | {"variant": "described"} | values
+        keep = [self._where(name, value) for name, value in wanted.items()]
+        if "controller" not in values:
+            keep.append(self._compared)
+        if "method" not in values:
+            keep.append(self._not_beyond)
+        return self.frame[np.logical_and.reduce(keep)]
+
+    def _where(self, name: str, value: object) -> BoolArray:
+        """Returns which rows of the frame have a value in a column, found once."""
+        if (name, value) not in self._found:
+            self._found[name, value] = (self.frame[name] == value).to_numpy(bool)
+        return self._found[name, value]
+
+    @cached_property
+    def _found(self) -> dict[tuple[str, object], BoolArray]:
+        """Cache of `_where`, by its arguments."""
+        return {}
+
+    @cached_property
+    def _compared(self) -> BoolArray:
+        return self.frame.controller.isin(COMPARED).to_numpy(bool)
+
+    @cached_property
+    def _not_beyond(self) -> BoolArray:
+        return ~self.frame.method.isin(self.beyond).to_numpy(bool)
+
+    @cached_property
+    def beyond(self) -> frozenset[str]:
+        """The methods that tables of the paper leave out: closed-loop ones, beside others."""
+        found = frozenset(m for m in self.frame.method.unique() if plain(m) in CLOSED_LOOP)
+        others = frozenset(self.frame.method.unique()) - found - {EXPERT}
+        return found if others else frozenset()
+
+    def methods(self, **values: object) -> list[str]:
+        """Returns the methods that `select` finds, those `beyond` the paper among them."""
+        return [m for m in self.frame.method.unique() if len(self.select(method=m, **values))]
+
+    def of_all(self, **values: object) -> pd.DataFrame:
+        """Returns the rows of `main` for all methods, those `beyond` the paper among them."""
+        return pd.concat(self.main(method=m, **values) for m in self.frame.method.unique())
+
+    def main(self, **values: object) -> pd.DataFrame:
+        """Returns the rows of `chosen` with the most demonstrations of each method."""
+        found = self.chosen(**values)
+        if found.empty:
+            return found
+        return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]
+
+    def chosen(self, **values: object) -> pd.DataFrame:
+        """Returns the rows of `select` at the chosen size of each method."""
+        found = self.select(**values)
+        if found.empty:
+            return found
+        places = list(zip(found.task, found.method, strict=True))
+        sizes: dict[tuple[str, str], list[str]] = {}
+        for place, size in zip(places, found["size"], strict=True):
+            sizes.setdefault(place, []).append(size)
+        best = {place: self._best_size(*place, set(several)) for place, several in sizes.items()}
+        return found[found["size"].to_numpy() == [best[place] for place in places]]
+
+    def _best_size(self, task: str, method: str, sizes: set[str]) -> str:
+        """Returns which of these sizes has the most success from validation starts.
+
+        Those of fits with the most demonstrations decide, as in a run.
+        """
+        place = task, method, *sorted(sizes)
+        if place not in self._best_sizes:
+            in_order = [size for size in dict.fromkeys((*SIZES, *sizes)) if size in sizes]
+            validated = self.select(task=task, method=method, split="validation")
+            validated = validated[validated.demos == validated.demos.max()]
+            self._best_sizes[place] = best_size(validated, in_order)
+        return self._best_sizes[place]
+
+    @cached_property
+    def _best_sizes(self) -> dict[tuple[str, ...], str]:
+        """Cache of `_best_size`, by its arguments."""
+        return {}
