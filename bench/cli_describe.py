@@ -154,7 +154,8 @@ def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
     table = Table(title=escape(title), title_justify="left")
     columns = list(dict.fromkeys(key for row in rows for key in row))
     for column in columns:
-        table.add_column(escape(column))
+        # A name that is cut or broken cannot be copied.
+        table.add_column(escape(column), no_wrap=column == columns[0], overflow="fold")
     for row in rows:
         cells = [row.get(column, "") for column in columns]
         table.add_row(*(escape(", ".join(c) if isinstance(c, tuple) else str(c)) for c in cells))
