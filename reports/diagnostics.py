@@ -1,4 +1,4 @@
-"""What fits have stored of themselves: KODex's eigenvalues and singular values, their errors."""
+"""What fits have stored of themselves: KODex's eigenvalues and singular values, and errors."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -38,10 +38,8 @@ def gap(results: Results, folder: str) -> tuple[int, int, float, float]:
     Raises:
         InputError: no singular values or no rank are stored, or they do not fit together.
     """
-    values, rank = (
-        _diagnostic(results, folder, "singular_values"),
-        _diagnostic(results, folder, "rank"),
-    )
+    values = _diagnostic(results, folder, "singular_values")
+    rank = _diagnostic(results, folder, "rank")
     if rank.shape or values.ndim != 1 or not 0 < rank <= len(values):
         raise InputError(
             f"{folder} has stored {values.shape} singular values and rank {rank}, not (p,) and"

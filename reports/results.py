@@ -1,4 +1,4 @@
-"""Stored evaluations and diagnostics, selected and summed up for exhibits."""
+"""The results of a run as exhibits see them: their rows, where they come from, and their rates."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property

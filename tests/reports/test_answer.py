@@ -13,7 +13,6 @@ from reports.results import Results
 class MadeUp(Results):
     suffixes = {}  # noqa: RUF012
     rows = property(lambda self: self)
-    beyond = frozenset()
 
     def __init__(self, rates, seeds):
         self.rates_of, self.seeds = rates, seeds
