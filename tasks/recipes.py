@@ -239,8 +239,9 @@ RECIPES = {
     ),
     "relocation": Recipe(
         relocation_reward,
+        # with 3.0 and 0.2, and bonuses that did not grow, 82% of its motions were tracked
         action_rate=5.0,
-        hand_speed=1.0,  # with 0.2, 82% of its motions were tracked
+        hand_speed=1.0,
         offset=0.1,
         steps=8_000_000,
         episodes=128,
