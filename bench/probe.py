@@ -137,7 +137,7 @@ def faults(card: Mapping[str, Any]) -> list[str]:
         "is the success of KODex": (imitation["kodex"], KODEX_FLOORS.get(card["task"], 0.0)),
     }
     return [
-        f"{value:.1%} {what}, at least {floor:.0%} is needed"
+        f"{value:.2%} {what}, at least {floor:.0%} is needed"
         for what, (value, floor) in reached.items()
         if value < floor
     ]

@@ -114,6 +114,13 @@ class Training:
         self._seed_streams(steps)
         self.model._last_obs = None  # so that `learn` resets the environment
         self.model.learn(self.recipe.episodes * self.task.steps, reset_num_timesteps=False)
+        self._decay(steps)
+
+    def _decay(self, steps: int) -> None:
+        policy, rate = self.model.policy, self.recipe.rate_at(steps)
+        for layer in (*policy.mlp_extractor.policy_net, policy.action_net):
+            if isinstance(layer, torch.nn.Linear):
+                layer.weight.data *= 1 - self.recipe.weight_decay * rate
 
     def _seed_streams(self, steps: int) -> None:
         stream = generator("expert", self.task.name, self.seed, steps)

@@ -26,9 +26,9 @@ def test_an_expert_at_every_floor_passes():
 @pytest.mark.parametrize(
     ("worse", "fault"),
     [
-        ({"success": {"probe": {"successes": 9499}}}, "95.0% of the starts of probe"),
-        ({"imitation": {"tracked": 0.968, "kodex": 0.93}}, "96.8% of the recorded motions"),
-        ({"imitation": {"tracked": 0.97, "kodex": 0.929}}, "92.9% is the success of KODex"),
+        ({"success": {"probe": {"successes": 9499}}}, "94.99% of the starts of probe"),
+        ({"imitation": {"tracked": 0.968, "kodex": 0.93}}, "96.80% of the recorded motions"),
+        ({"imitation": {"tracked": 0.97, "kodex": 0.929}}, "92.90% is the success of KODex"),
     ],
 )
 def test_an_expert_below_a_floor_fails_with_the_reason(worse, fault):

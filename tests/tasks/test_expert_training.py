@@ -189,6 +189,23 @@ def test_the_action_error_is_constant_within_an_episode_and_redrawn_for_the_next
     assert (control() != first).all()
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_weight_decay_times_the_learning_rate_is_taken_from_the_weights_of_the_actor(
+    recipe, task, tmp_path, monkeypatch
+):
+    def parameters(decay):
+        monkeypatch.setattr(type(task), "recipe", replace(recipe, weight_decay=decay))
+        run = training.Training(task, tmp_path / str(decay), seed=1, threads=1)
+        run._iterate()
+        return dict(run.model.policy.named_parameters())
+
+    plain, decayed = parameters(0.0), parameters(0.2 / recipe.learning_rate)
+    actor = ("mlp_extractor.policy_net.", "action_net.")
+    for name, tensor in plain.items():
+        factor = 0.8 if name.startswith(actor) and name.endswith("weight") else 1.0
+        assert torch.allclose(decayed[name], factor * tensor, rtol=1e-6, atol=0), name
+
+
 def test_rewards_are_finite_and_higher_when_the_task_is_solved(task):
     simulator = Simulator(task, task.sample("train", 5))
     reward = RECIPES[task.name].reward
