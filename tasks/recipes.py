@@ -233,7 +233,7 @@ RECIPES = {
     ),
     "door": Recipe(
         door_reward,
-        hand_speed=0.2,  # with 0.5 it gave up
+        hand_speed=0.2,  # with 0.5 and weight decay it gave up
         action_rate=5.0,
         offset=0.1,  # fingers that barely hook the handle miss it when tracked
         weight_decay=6.0,  # without it, it learns half as fast, and jerks the door open
