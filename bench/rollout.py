@@ -28,7 +28,10 @@ class TrackedMotion:
         self.method, self.controller, self.replan = method, controller, replan
 
     def reset(self, simulator: Simulator) -> None:
-        """Predicts the motions of all episodes, over the full length of the task."""
+        """Predicts the motions of all episodes, as long as the demonstrations are.
+
+        Of an episode that ends earlier by its rule, the first steps are kept.
+        """
         task, count = simulator.task, len(simulator.starts)
         self.motion = np.empty((count, task.steps + 1, task.robot_dim))
         """(B, steps + 1, H), with what was predicted last for each moment."""
@@ -49,8 +52,8 @@ class TrackedMotion:
 
     def _plan(self, simulator: Simulator, step: int) -> None:
         task = simulator.task
-        planned = motion(self.method, simulator.state(), task.steps - step)
-        self.motion[:, step:] = planned[:, :, : task.robot_dim]
+        planned = motion(self.method, simulator.state(), task.horizon - 1 - step)
+        self.motion[:, step:] = planned[:, : task.steps - step + 1, : task.robot_dim]
         self._bad = _non_finite(self.motion)
         hit = simulator.running & self._bad[:, step:].any(axis=1)
         first = step + self._bad[:, step:].argmax(axis=1)

@@ -68,7 +68,8 @@ class Method(ABC):
     """Configs by the name of the size, the smallest first. A config is a frozen dataclass of
     numbers, texts and tuples."""
     default_size: ClassVar[Mapping[str, str]]
-    """The size on each task if the experiment `sizes` has not chosen one."""
+    """The size on each task if the experiment `sizes` has not chosen one. On other tasks it is what
+    the task names, or else the smallest."""
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"described": {}}
     """The config fields that each variant sets. ``described`` follows the paper's text;
     ``published``, if it exists, follows the authors' code."""
@@ -148,7 +149,8 @@ class MotionMethod(Method):
 
         Args:
             start: x(1), (B, D).
-            steps: number of states after the start.
+            steps: number of states after the start: those of a demonstration, or those that are
+                left of it.
 
         Returns:
             (B, steps + 1, D), or (B, steps + 1, H) if the method predicts only the hand. The first

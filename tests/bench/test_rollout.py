@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from bench.controller import Controller
 from bench.rollout import FeedbackPolicy, TrackedMotion
@@ -158,21 +159,25 @@ def test_a_new_motion_that_is_not_finite_is_counted_once_where_it_begins():
     assert policy.non_finite(0) == (NonFinite(0, "rollout", 1, 6),)
 
 
-class Holding:
-    """A method that predicts no motion."""
+class Closing:
+    """A method whose motion closes the hand by its last step, as an NDP reaches its goal."""
 
     def __init__(self, layout):
         self.layout = layout
 
     def rollout(self, start, steps):
-        return np.repeat(start[:, None, : self.layout.robot_dim], steps + 1, axis=1)
+        joints = start[:, None, : self.layout.robot_dim]
+        return joints + np.linspace(0, 1, steps + 1)[:, None]
 
 
-def test_a_motion_is_as_long_as_the_episodes_of_its_rule():
+def test_a_motion_is_the_same_under_a_rule_with_shorter_episodes():
     """The published rule judges Tool after 30 control steps, not after 99."""
-    task = get_task("tool", "published")
-    assert task.steps < task.horizon - 1
-    policy = TrackedMotion(Holding(task.layout), Controller(still(task)))
-    episodes = rollout(task, task.sample("test", 2, 1), policy, chunk=2)
-    assert policy.motion.shape == (2, task.steps + 1, task.robot_dim)
-    assert episodes.steps.tolist() == [task.steps] * 2
+    motions = {}
+    for rule in ("appendix", "published"):
+        task = get_task("tool", rule)
+        policy = TrackedMotion(Closing(task.layout), Controller(still(task)))
+        episodes = rollout(task, task.sample("test", 2, 1), policy, chunk=2)
+        assert episodes.steps.tolist() == [task.steps] * 2
+        motions[rule] = policy.motion
+    assert motions["published"].shape[1] == 31
+    assert_array_equal(motions["published"], motions["appendix"][:, :31])
