@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial, singledispatch
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtr
 
-from reports.at_least import kth_largest
+from reports.at_least import corrections, kth_largest
 from reports.claim import (
     ERROR,
     SUCCESS,
@@ -31,16 +29,15 @@ from reports.exhibits.table_11 import SETS
 from reports.results import Results
 from reports.rows import SIZES
 from reports.seed_statistics import (
-    ONE_SEED,
-    OVER_SEEDS,
     Estimate,
     aggregate,
-    critical,
     difference,
+    mean_of,
     rank_correlation,
 )
-from reports.style import TASKS, display
+from reports.style import display
 from tasks.data import BoolArray, FloatArray
+from tasks.registry import TASKS
 
 TIMED = "fits of one seed are timed"
 FEWEST_SPREADS = 3
@@ -99,10 +96,16 @@ def _(statement: Overall, results: Results) -> Measured:
 
 @measure.register
 def _(statement: AtLeast, results: Results) -> Measured:
-    each = [measure(contrast, results) for contrast in statement.contrasts]
-    found = kth_largest([one.found for one in each], statement.count)
-    deciding = sorted(each, key=lambda one: -one.found.value)[statement.count - 1]
-    return Measured(statement, f"{statement}, {deciding.name}", found)
+    contrasts, margin = statement.contrasts, statement.margin / 100
+    pairs = [_paired([(one.left, one.right)], results)[0] for one in contrasts]
+    lower, upper = (
+        [_in_points(difference(*pair, margin, number)) for pair in pairs]
+        for number in corrections(len(pairs), statement.count)
+    )
+    falling = np.argsort([-one.value for one in lower], kind="stable")
+    deciding = contrasts[falling[statement.count - 1]]
+    found = kth_largest(lower, upper, statement.count)
+    return Measured(statement, f"{statement}, {deciding}", found)
 
 
 @measure.register
@@ -139,7 +142,7 @@ def _(statement: SeedMatters, results: Results) -> Measured:
     spread = _mean_spread(rates, starts)
     without = [_mean_spread(np.delete(rates, seed, axis=-1), starts) for seed in range(seeds)]
     jackknifed = seeds * spread - (seeds - 1) * np.array(without)
-    return Measured(statement, str(statement), over_seeds(jackknifed, statement.margin))
+    return Measured(statement, str(statement), _over_seeds(jackknifed, statement.margin))
 
 
 def _mean_spread(rates: FloatArray, starts: int) -> float:
@@ -201,17 +204,17 @@ _QUANTITIES: dict[str, Callable[[Results], FloatArray]] = {
 @measure.register
 def _(statement: MostBelowOne, results: Results) -> Measured:
     below = [100 * (one < 1).mean() for one in _magnitudes(results, statement.task)]
-    return Measured(statement, str(statement), over_seeds(np.array(below), statement.margin))
+    return Measured(statement, str(statement), _over_seeds(below, statement.margin))
 
 
 @measure.register
 def _(statement: LargestAboveOne, results: Results) -> Measured:
     largest = [one.max() for one in _magnitudes(results, statement.task)]
-    return Measured(statement, str(statement), over_seeds(np.array(largest), statement.margin))
+    return Measured(statement, str(statement), _over_seeds(largest, statement.margin))
 
 
 def _magnitudes(results: Results, task: str) -> list[FloatArray]:
-    """The eigenvalue magnitudes of K for each seed of KODex, without that of the constant."""
+    """The eigenvalue magnitudes of K for each seed of KODex."""
     return [magnitudes(results, row) for row in _fits(results, task).to_dict("records")]
 
 
@@ -224,17 +227,11 @@ def _(statement: TrainsLonger, results: Results) -> Measured:
     return Measured(statement, str(statement), found)
 
 
-def over_seeds(values: FloatArray, margin: float) -> Estimate:
-    """Returns the mean of one value (R,) for each seed, with Student's t over seeds.
-
-    One seed has an interval without width.
-    """
-    seeds, value = len(values), float(values.mean())
-    error = float(values.std(ddof=1)) / sqrt(seeds) if seeds > 1 else 0.0
-    half = critical(seeds) * error if error else 0.0
-    p = 2 * stdtr(seeds - 1, -abs(value - margin) / error) if error else float(value == margin)
-    basis = OVER_SEEDS if seeds > 1 else ONE_SEED
-    return Estimate(value, value - half, value + half, float(p), margin, seeds, basis)
+def _over_seeds(values: Sequence[float] | FloatArray, margin: float) -> Estimate:
+    """The mean of one number for each seed."""
+    if len(values) == 1:
+        raise NotRunError("one seed, which shows no spread over seeds")
+    return mean_of(values, margin)
 
 
 def _fits(results: Results, task: str, variant: str = "described") -> pd.DataFrame:

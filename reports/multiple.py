@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 from string import ascii_letters
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,6 +86,26 @@ def _groups_without(pairs: Sequence[tuple[int, int]], members: int) -> list[set[
     return groups
 
 
+class Sides(NamedTuple):
+    """Contrasts of a claim, by where they are found."""
+
+    against: list[Estimate]
+    """Below their margins, with a p-value of at most 0.05 after Holm's correction."""
+    still_open: list[Estimate]
+    """Not above their margins for sure, these included."""
+
+
+def sides(contrasts: Sequence[Estimate]) -> Sides:
+    """Returns which contrasts are against the claim that each is above its margin, or open."""
+    adjusted = holm([one.p for one in contrasts])
+    against = [
+        one
+        for one, p in zip(contrasts, adjusted, strict=True)
+        if p <= LEVEL and one.value < one.margin
+    ]
+    return Sides(against, [one for one in contrasts if one.low <= one.margin])
+
+
 def verdict(contrasts: Sequence[Estimate], relevant: float) -> str:
     """Returns what is found of a claim that each contrast is above its margin.
 
@@ -107,10 +128,9 @@ def verdict(contrasts: Sequence[Estimate], relevant: float) -> str:
     """
     if not contrasts:
         raise InputError("a verdict needs at least one contrast")
-    adjusted = holm([one.p for one in contrasts])
-    if any(p <= LEVEL and c.value < c.margin for p, c in zip(adjusted, contrasts, strict=True)):
+    against, still_open = sides(contrasts)
+    if against:
         return "contradicted"
-    still_open = [one for one in contrasts if one.low <= one.margin]
     if not still_open:
         return "reproduced"
     wide = any(one.high - one.low > relevant for one in still_open)

@@ -26,7 +26,7 @@ from tasks.errors import InputError
 OVER_SEEDS = "over seeds"
 ALIKE = "over episodes: every seed is at the same extreme"
 ONE_SEED = "this fit and this controller only"
-_TAIL = (1 + CONFIDENCE) / 2
+_TAIL = (1 - CONFIDENCE) / 2
 _ROUNDING = 1e-12
 """Differences of rates that are rounding errors."""
 
@@ -79,7 +79,9 @@ def rate(outcomes: ArrayLike) -> Rate:
     return Rate(value, min(low, ends[0]), max(high, ends[1]), len(rates), OVER_SEEDS)
 
 
-def difference(left: ArrayLike, right: ArrayLike, margin: float = 0.0) -> Estimate:
+def difference(
+    left: ArrayLike, right: ArrayLike, margin: float = 0.0, comparisons: int = 1
+) -> Estimate:
     """Returns left minus right of two methods that share seeds and starts.
 
     Over seeds the interval is the wider of the paired t and of its form on the logit scale, which
@@ -93,6 +95,7 @@ def difference(left: ArrayLike, right: ArrayLike, margin: float = 0.0) -> Estima
         left: (R, N) success of each episode; from `aggregate`, a mean over conditions.
         right: (R, N) success of the other method from the same starts of the same seeds.
         margin: the difference that p tests for, as a fraction.
+        comparisons: the number that the interval is corrected for (Bonferroni). p is not.
 
     Raises:
         InputError: the arrays are not of one shape (R, N) with numbers from 0 to 1, or are empty.
@@ -105,12 +108,12 @@ def difference(left: ArrayLike, right: ArrayLike, margin: float = 0.0) -> Estima
         )
     gaps = one - other
     value, basis = float(gaps.mean()), _basis(np.stack([one, other], axis=2))
-    low, high, p = _over_starts(gaps, margin)
+    low, high, p = _over_starts(gaps, margin, _TAIL / comparisons)
     if basis == ONE_SEED and margin == 0 and np.isin(gaps, (-1, 0, 1)).all():
         p = mcnemar(one[0] > 0.5, other[0] > 0.5)
     if basis == OVER_SEEDS:
         seeds = PairedSeeds(one.mean(axis=1), other.mean(axis=1))
-        ends = seeds.ends(critical(len(one)))
+        ends = seeds.ends(critical(len(one), comparisons))
         low, high, p = min(low, ends[0]), max(high, ends[1]), max(p, seeds.p(margin))
     return Estimate(value, low, high, p, margin, len(one), basis)
 
@@ -133,6 +136,26 @@ def aggregate(pairs: Sequence[tuple[ArrayLike, ArrayLike]], margin: float = 0.0)
         )
     left, right = (np.mean([_checked(pair[side]) for pair in pairs], axis=0) for side in (0, 1))
     return difference(left, right, margin)
+
+
+def mean_of(values: ArrayLike, margin: float = 0.0) -> Estimate:
+    """Returns the mean of one number for each seed, with Student's t over seeds.
+
+    Args:
+        values: (R,) of two seeds or more.
+        margin: the mean that p tests for.
+
+    Raises:
+        InputError: there are fewer than two values, or one is not finite.
+    """
+    found = real("values", values)
+    if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all():
+        raise InputError(f"a mean over seeds needs two or more finite values, got {found.tolist()}")
+    seeds, value = len(found), float(found.mean())
+    error = float(found.std(ddof=1)) / sqrt(seeds)
+    half = critical(seeds) * error
+    p = 2 * stdtr(seeds - 1, -abs(value - margin) / error) if error else float(value == margin)
+    return Estimate(value, value - half, value + half, float(p), margin, seeds, OVER_SEEDS)
 
 
 def rank_correlation(levels: ArrayLike, values: ArrayLike) -> Estimate:
@@ -166,7 +189,7 @@ def rank_correlation(levels: ArrayLike, values: ArrayLike) -> Estimate:
     by_seed = np.array([np.mean([_spearman(rising, panel) for panel in seed]) for seed in ordered])
     value, seeds, blocks = float(by_seed.mean()), len(by_seed), ordered.reshape(-1, len(steps))
     # Of L values in random order, Spearman's correlation has the variance 1 / (L - 1).
-    half = float(ndtri(_TAIL)) / sqrt(len(blocks) * (len(steps) - 1))
+    half = float(ndtri(1 - _TAIL)) / sqrt(len(blocks) * (len(steps) - 1))
     if seeds > 1:
         half = max(half, critical(seeds) * float(by_seed.std(ddof=1)) / sqrt(seeds))
     low, high = max(-1.0, value - half), min(1.0, value + half)
@@ -181,9 +204,14 @@ def _trend_p(blocks: FloatArray) -> float:
     return min(1.0, *(2 * float(page_trend_test(one).pvalue) for one in (blocks, blocks[:, ::-1])))
 
 
-def critical(seeds: int) -> float:
-    """Returns the standard errors that a 95% interval over so many seeds reaches to each side."""
-    return float(stdtrit(seeds - 1, _TAIL))
+def critical(seeds: int, comparisons: int = 1) -> float:
+    """Returns the standard errors that a 95% interval over so many seeds reaches to each side.
+
+    Args:
+        seeds: their number.
+        comparisons: the number that the interval is corrected for (Bonferroni).
+    """
+    return float(stdtrit(seeds - 1, 1 - _TAIL / comparisons))
 
 
 def _spearman(rising: IntArray, values: FloatArray) -> float:
@@ -260,7 +288,7 @@ class PairedSeeds:
         return float(2 * stdtr(self.freedom, -errors))
 
 
-def _over_starts(gaps: FloatArray, margin: float) -> tuple[float, float, float]:
+def _over_starts(gaps: FloatArray, margin: float, tail: float) -> tuple[float, float, float]:
     """The interval and p-value of Agresti and Min, of differences (R, N) from -1 to 1.
 
     They add one start from which only the left succeeds, and one for the right, each half.
@@ -268,6 +296,6 @@ def _over_starts(gaps: FloatArray, margin: float) -> tuple[float, float, float]:
     episodes = gaps.size + 2
     value = float(gaps.sum()) / episodes
     error = sqrt((((gaps**2).sum() + 1) / episodes - value**2) / episodes)
-    half = ndtri(_TAIL) * error
+    half = ndtri(1 - tail) * error
     p = 2 * ndtr(-abs(value - margin) / error)
     return float(max(-1, value - half)), float(min(1, value + half)), float(p)

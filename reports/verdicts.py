@@ -16,7 +16,7 @@ import pandas as pd
 from reports.claim import Claim
 from reports.claims import CLAIMS
 from reports.measured import Measured, NotRunError, measure
-from reports.multiple import LEVEL, holm, verdict
+from reports.multiple import sides, verdict
 from reports.printed import judge_paper
 from reports.results import Results
 from reports.seed_statistics import ALIKE, OVER_SEEDS
@@ -66,14 +66,9 @@ def judge(claim: Claim, results: Results) -> Judgement:
     """
     measured = [measure(statement, results) for statement in claim.statements]
     found = [one.found for one in measured]
-    adjusted = holm([one.p for one in found])
-    against = [
-        one
-        for one, p in zip(measured, adjusted, strict=True)
-        if p <= LEVEL and one.above_margin < 0
-    ]
-    still_open = [one for one in measured if one.found.low <= one.found.margin]
-    shown = min(against or still_open or measured, key=attrgetter("above_margin"))
+    against, still_open = sides(found)
+    deciding = against or still_open or found
+    shown = min((one for one in measured if one.found in deciding), key=attrgetter("above_margin"))
     on_side = len(measured) - len(still_open)
     return Judgement(
         verdict(found, claim.relevant),

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from reports import verdicts as module
-from reports.at_least import kth_largest
+from reports.at_least import corrections, kth_largest
 from reports.claim import (
     ERROR,
     SUCCESS,
@@ -23,13 +23,13 @@ from reports.claim import (
     Trend,
 )
 from reports.exhibits.table_11 import SETS
-from reports.measured import measure, over_seeds
+from reports.measured import measure
 from reports.results import Results
-from reports.seed_statistics import ONE_SEED, OVER_SEEDS, Estimate
+from reports.seed_statistics import ONE_SEED, OVER_SEEDS, Estimate, difference
 from reports.simulated import Scenario, repeated
-from reports.style import TASKS
 from reports.verdicts import judge, verdicts
 from tasks.data import generator
+from tasks.registry import TASKS
 
 STARTS = 1000
 METHODS = ("kodex", "nn", "lstm", "ndp", "ngf")
@@ -168,25 +168,44 @@ def test_a_few_conditions_are_two_or_more(leads, verdict, evidence):
 def test_at_least_so_many_is_corrected_for_the_number_of_comparisons():
     each = [Estimate(v, v - 2, v + 3, p, 0.0, 5, OVER_SEEDS) for v, p in [(5, 0.01), (4, 0.02)]]
     level = [Estimate(0, -2, 3, 1.0, 0.0, 5, OVER_SEEDS)] * 2
-    # The second largest of four is above 0 if three comparisons fail: t of 1 - 0.025 / 3 is 3.96
-    # instead of 2.776; below 0 if two fail.
-    found = kth_largest([*each, *level], 2)
-    assert found[:4] == pytest.approx(
-        (4, 4 - 2 * 3.961 / 2.776, 4 + 3 * 3.495 / 2.776, 3 * 0.02), abs=2e-3
-    )
-    assert kth_largest(each, 1)[:2] == pytest.approx((5, 5 - 2 * 3.495 / 2.776), abs=1e-3)
+    wider = [one._replace(high=one.high + 1) for one in (*each, *level)]
+    # The second largest of four is above 0 if three comparisons fail, below 0 if two fail.
+    assert corrections(4, 2) == (3, 2)
+    assert kth_largest([*each, *level], wider, 2)[:4] == pytest.approx((4, 2, 8, 3 * 0.02))
     lowered = [one._replace(value=-one.value) for one in each]
-    assert kth_largest([*lowered, *level], 2).p == 1
+    assert kth_largest([*lowered, *level], wider, 2).p == 1
     # All but one of the lowest three must be below 0: p is twice the largest of the smallest three.
-    assert kth_largest([*lowered, lowered[1], level[0]], 2).p == pytest.approx(2 * 0.02)
+    low = [*lowered, lowered[1], level[0]]
+    assert kth_largest(low, low, 2).p == pytest.approx(2 * 0.02)
+
+
+def second_largest(pairs):
+    """Of differences of outcomes (R, N)."""
+    return kth_largest(
+        *([difference(*pair, 0, n) for pair in pairs] for n in corrections(len(pairs), 2)), 2
+    )
+
+
+def test_interval_and_p_value_of_at_least_so_many_agree():
+    near_the_top = (episodes([99.6, 99.2, 100]), episodes([82.4] * 3))
+    found = second_largest([near_the_top] * 16)
+    assert (found.low > 0, found.p <= 0.05) == (False, False)
+    rng, agreed = generator("interval and p-value"), []
+    for _ in range(100):
+        found = second_largest(
+            [tuple(map(episodes, pair)) for pair in rng.uniform(60, 100, (4, 2, 3))]
+        )
+        agreed.append((found.low > 0 or found.high < 0) == (found.p <= 0.05))
+        assert -1 <= found.low <= found.value <= found.high <= 1
+    assert all(agreed)
 
 
 def test_two_of_many_conditions_seldom_seem_better_by_chance():
-    rng, seeds = generator("a few"), 5
+    rng, seeds, starts = generator("a few"), 5, 100
     found = []
-    for _ in range(200):
-        gaps = rng.standard_normal((32, seeds))
-        estimate = kth_largest([over_seeds(row, 0.0) for row in gaps], 2)
+    for _ in range(60):
+        skills = np.clip(rng.normal(0.8, 0.05, (32, 2, seeds, 1)), 0, 1)
+        estimate = second_largest(rng.random((32, 2, seeds, starts)) < skills)
         found.append((estimate.low > 0, estimate.p <= 0.05 and estimate.value < 0))
     assert np.mean(found, axis=0).max() <= 0.05
 
