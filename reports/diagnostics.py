@@ -13,8 +13,6 @@ from tasks.errors import InputError
 def magnitudes(results: Results, row: Mapping[str, Any]) -> FloatArray:
     """Returns the magnitudes (p,) of the eigenvalues of K, for a row of KODex.
 
-    The constant observable has an eigenvalue of 1, up to rounding, which is left out.
-
     Raises:
         InputError: none are stored, or they have another shape or are not finite.
     """
@@ -24,8 +22,6 @@ def magnitudes(results: Results, row: Mapping[str, Any]) -> FloatArray:
         raise InputError(
             f"{folder} has stored eigenvalues of shape {found.shape}, not finite ones of (p, 2)"
         )
-    if row["config"].get("constant"):
-        found = np.delete(found, np.hypot(found[:, 0] - 1, found[:, 1]).argmin(), axis=0)
     return np.hypot(*found.T)
 
 

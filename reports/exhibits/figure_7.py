@@ -28,7 +28,7 @@ def table(results: Results) -> pd.DataFrame:
     for task, values in magnitudes_by_task(results).items():
         counts, _ = np.histogram(np.minimum(values, EDGES[-1]), EDGES)
         rows += [
-            {"row": name, "column": task, "value": float(count)}
+            {"row": name, "column": task, "value": float(count), "seeds": len(values)}
             for name, count in zip(names, counts / len(values), strict=True)
         ]
     return table_of(rows)

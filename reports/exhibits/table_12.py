@@ -8,6 +8,7 @@ from reports.diagnostics import magnitudes
 from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
+from reports.seed_statistics import mean_of
 
 
 def magnitudes_by_task(results: Results) -> dict[str, np.ndarray]:
@@ -25,17 +26,16 @@ def magnitudes_by_task(results: Results) -> dict[str, np.ndarray]:
 
 def table(results: Results) -> pd.DataFrame:
     """Returns one row, KODex, and a column for each task."""
-    rows = [
-        {
-            "row": "kodex",
-            "column": task,
-            "value": values.max(axis=1).mean(),
-            "spread": values.max(axis=1).std(ddof=1) if len(values) > 1 else np.nan,
-            "seeds": len(values),
-        }
-        for task, values in magnitudes_by_task(results).items()
-    ]
-    columns = ["row", "column", "value", "spread", "seeds"]
+    rows = []
+    for task, values in magnitudes_by_task(results).items():
+        largest = values.max(axis=1)
+        about = {"value": largest.mean(), "spread": np.nan, "low": np.nan, "high": np.nan}
+        if len(largest) > 1:
+            found = mean_of(largest)
+            about = {"value": found.value, "spread": largest.std(ddof=1)}
+            about |= {"low": found.low, "high": found.high, "basis": found.basis}
+        rows.append({"row": "kodex", "column": task} | about | {"seeds": len(largest)})
+    columns = ["row", "column", "value", "spread", "low", "high", "basis", "seeds"]
     return with_published(pd.DataFrame(rows, columns=columns), "table_12")
 
 
