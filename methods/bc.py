@@ -33,7 +33,9 @@ class BC(ActionNetwork):
         "median": BCConfig(hidden=(256, 256)),
         "large": BCConfig(hidden=(512, 512)),
     }
-    default_size: ClassVar[Mapping[str, str]] = {}
+    default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("tool", "door", "relocation", "reorientation"), "median"
+    )
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
         """Returns the layers from D numbers to a chunk of actions."""

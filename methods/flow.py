@@ -53,7 +53,9 @@ class Flow(ActionNetwork):
         "median": FlowConfig(hidden=(256, 256)),
         "large": FlowConfig(hidden=(512, 512)),
     }
-    default_size: ClassVar[Mapping[str, str]] = {}
+    default_size: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("tool", "door", "relocation", "reorientation"), "median"
+    )
 
     def __init__(self, config: FlowConfig, layout: Layout) -> None:
         super().__init__(config, layout)
