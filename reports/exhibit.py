@@ -76,6 +76,8 @@ class Exhibit:
         if "published" in table and table.published.notna().any():
             diamonds = "Diamonds, and numbers in parentheses, are the paper's."
             sentences.append(diamonds if self.axis else "Numbers in parentheses are the paper's.")
+            if "published spread" in table and table["published spread"].notna().any():
+                sentences.append(POPULATION)
         names = [*self.subjects, *(table[["row", "column"]].stack() if self.remarks else ())]
         shown = {word for name in names for word in str(name).split(" ")}
         sentences += [remark.text for remark in self.remarks if remark.concerns(shown)]
@@ -158,6 +160,10 @@ def _about_seeds(table: pd.DataFrame) -> str:
     return f"{seeds} seeds, each with {starts} starts of its own."
 
 
+POPULATION = (
+    "The paper's ± is that of a population of five seeds, as Table 2 shows; that of a sample, as"
+    " ours is, would be 12% larger."
+)
 LETTERS = (
     "Methods of a column that share a letter cannot be told apart: p is above 0.05 after Holm's"
     " correction for all its pairs of methods."

@@ -5,12 +5,12 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend
+from reports.charts import add_legend, dot_single_fits, errors_of
 from reports.exhibit import Exhibit
 from reports.exhibits.all_tasks import of_all_tasks, of_seeds
 from reports.exhibits.success import success_of
 from reports.results import Results, rate_facts
-from reports.style import METHODS, colour, marker, ordered
+from reports.style import INK, METHODS, colour, marker, ordered
 from reports.tables import in_order, table_of
 from tasks.masses import VARIATIONS
 
@@ -54,22 +54,28 @@ def by_condition(results: Results) -> pd.DataFrame:
 def by_rows(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns a row for each condition, with the success of each method along it."""
     conditions, methods = ordered(table.column, [*CONDITIONS]), ordered(table.row, METHODS)
-    drawing = Figure(figsize=(6.4, 0.7 + 0.42 * len(conditions)))
+    drawing = Figure(figsize=(6.4, 0.7 + 0.07 * len(conditions) * (len(methods) + 1)))
     axes = drawing.subplots()
-    for method in methods:
+    for place, method in enumerate(methods):
         part = table[table.row == method]
-        axes.plot(
+        drawn = axes.errorbar(
             part.value,
-            part.column.map(conditions.index),
-            marker(method, methods),
-            ms=6,
+            part.column.map(conditions.index) + 0.8 * ((place + 0.5) / len(methods) - 0.5),
+            xerr=errors_of(part),
+            fmt=marker(method, methods),
+            ms=5,
             mec="white",
             mew=0.5,
+            elinewidth=0.8,
             color=colour(method, methods),
             label=exhibit.display(method),
         )
+        dot_single_fits(drawn, part)
     axes.set_yticks(range(len(conditions)), [exhibit.display(name) for name in conditions])
     axes.set(xlabel=exhibit.axis, xlim=(-2, 102), ylim=(len(conditions) - 0.5, -0.5))
+    axes.grid(axis="y", visible=False)
+    for edge in range(1, len(conditions)):
+        axes.axhline(edge - 0.5, color=INK, lw=0.3)
     add_legend(drawing, exhibit)
     return drawing
 

@@ -5,13 +5,16 @@ from functools import partial
 import pandas as pd
 from matplotlib.figure import Figure
 
-from reports.charts import add_legend, task_panels
+from reports.charts import add_legend, add_line, task_panels
 from reports.exhibit import Exhibit
 from reports.pairing import keep_common
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, marker, ordered
+from reports.style import METHODS, ordered
 from reports.tables import in_order, success_table, table_of
-from tasks.registry import EXPERTS
+from tasks.registry import EXPERTS, TASKS
+
+BESIDE = 0.06
+"""Distance on the x-axis of a method from the next."""
 
 
 def by_expert(results: Results, split: str) -> pd.DataFrame:
@@ -35,28 +38,17 @@ def by_expert(results: Results, split: str) -> pd.DataFrame:
 
 
 def lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
-    """Returns a panel for each task: a line for each method, from the first expert to the second.
-
-    Lines that cross are methods whose order depends on the expert.
-    """
+    """Returns a panel for each task: each method's line from the first expert to the second."""
     tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
     drawing, panels = task_panels(tasks, (2.9, 2), (0.6, 0.6))
     for task, axes in panels.items():
         here = table[table.column == task]
-        for method in methods:
+        for place, method in enumerate(methods):
             part = here[here.method == method]
-            axes.plot(
-                part.expert.map(EXPERTS.index),
-                part.value,
-                f"-{marker(method, methods)}",
-                color=colour(method, methods),
-                ms=6,
-                mec="white",
-                mew=0.5,
-                label=exhibit.display(method),
-            )
+            x = part.expert.map(EXPERTS.index) + BESIDE * (place - (len(methods) - 1) / 2)
+            add_line(axes, x, part, method, methods, exhibit)
         axes.set_xticks(range(len(EXPERTS)), EXPERTS)
-        axes.set_xlim(-0.3, 1.3)
+        axes.set_xlim(-0.4, 1.4)
     drawing.supxlabel("expert", fontsize=10)
     drawing.supylabel(exhibit.axis, fontsize=10)
     add_legend(drawing, exhibit)
@@ -68,7 +60,7 @@ EXHIBITS = tuple(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
         about=f"Success [%] {place}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert. The two come from separate trainings.",
+        " first or second expert. The two come from separate trainings, whose settings may differ.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,
