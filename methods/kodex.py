@@ -1,7 +1,7 @@
 """KODex: a Koopman operator as the model of a manipulation skill (appendix A, E).
 
 The lifted state phi(x) evolves linearly, z(t+1) = K z(t). K = A pinv(G) is the least-squares
-solution over all pairs of successive states in the demonstrations (appendix (9)):
+solution over all pairs of successive states in the demonstrations (the paper's (9)):
 
     A = 1/M sum phi(x(t+1)) phi(x(t))^T,    G = 1/M sum phi(x(t)) phi(x(t))^T.
 
@@ -32,7 +32,7 @@ class KodexConfig:
     """The settings of KODex. What the appendix leaves open is chosen on validation data.
 
     Raises:
-        InputError: the cutoff is below 0.
+        InputError: a value is out of range.
     """
 
     observables: int | str = 3
@@ -48,6 +48,8 @@ class KodexConfig:
     """Whether K comes from G, as in the published code; `cutoff` then speaks of G."""
 
     def __post_init__(self) -> None:
+        if isinstance(self.observables, int):
+            get_observables(self.observables)
         if not self.cutoff >= 0:
             raise InputError(f"cutoff must be 0 or more, got {self.cutoff!r}")
 
@@ -111,19 +113,19 @@ class Kodex(MotionMethod):
             errors = np.abs(before @ solution.koopman[states].T - after[:, states])
         self._koopman, self._readouts = solution.koopman, None
         self._of_fit = {
-            "one_step_residuals": errors.mean(axis=0) * self._scale.state_scale,
+            "one_step_residuals": errors.mean(axis=0) * self._scale.scale,
             "singular_values": solution.singular_values,
             "rank": np.array(solution.rank),
         }
 
     def parameters(self) -> Parameters:
         """Returns K and the scaling of states."""
-        return {"koopman": self.koopman, **self._scale._asdict()}
+        return {"koopman": self.koopman, **self._scale.arrays()}
 
     def load(self, parameters: Parameters) -> None:
         """Restores K and the scaling of states."""
         self._koopman = parameters["koopman"]
-        self._scale = Scale(parameters["state_mean"], parameters["state_scale"])
+        self._scale = Scale.of_arrays(parameters)
         self._readouts, self._of_fit = None, {}
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
@@ -178,7 +180,7 @@ class Solution(NamedTuple):
 
 
 def solve_koopman(before: FloatArray, after: FloatArray, cutoff: float = 1.0) -> Solution:
-    """Returns K = A pinv(G) (appendix (9)) from lifted pairs (M, p) and (M, p).
+    """Returns K = A pinv(G) (the paper's (9)) from lifted pairs (M, p) and (M, p).
 
     It is solved by QR, and the SVD of R. Singular values of R, which are those of the lifted states
     ``before``, count as zero below cutoff * p * eps times the largest.

@@ -1,8 +1,8 @@
 """Lifting functions: the observables in which a Koopman operator is linear (appendix E, J).
 
-The lifted state is phi(x) = [x_r, x_o, psi_r(x_r), psi_o(x_o)] (appendix (8), reordered so that the
-state comes first). Observables are chosen by the number of a set of appendix J, as a callable, or
-by the import path ``"package.module:name"`` of a callable.
+The lifted state is phi(x) = [x_r, x_o, psi_r(x_r), psi_o(x_o)] (the paper's (8), reordered so that
+the state comes first). Observables are chosen by the number of a set of appendix J, as a callable,
+or by the import path ``"package.module:name"`` of a callable.
 """
 
 from collections.abc import Callable

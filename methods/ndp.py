@@ -40,8 +40,10 @@ class NDPConfig(NetworkConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_above(self, 0, "hidden")
+        check_above(self, 0, "hidden", "goal_gain")
         check_above(self, 1, "basis_functions")
+        if self.weight_gain is not None:
+            check_above(self, 0, "weight_gain")
         if self.dt is not None and not 0 < self.dt < 1:  # the phase would end after a step of 1
             raise InputError(f"dt must be above 0 and below 1, got {self.dt!r}")
 

@@ -93,6 +93,11 @@ def meaning_of(name: str) -> str:
 
 def _parsed(part: str, name: str) -> Disturbance:
     kind, _, number = part.rpartition("_")
+    if part in KINDS:
+        example = Disturbance(part, KINDS[part].strengths[0]).name
+        raise InputError(
+            f"disturbance {name!r}: {part} needs a strength [{KINDS[part].unit}], as in {example!r}"
+        )
     if kind not in KINDS:
         raise unknown_name("kind of disturbance", kind or part, KINDS)
     try:

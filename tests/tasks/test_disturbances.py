@@ -153,7 +153,9 @@ def test_every_task_names_the_disturbances_that_it_can_have():
     ("name", "answer"),
     [
         ("joint_off_0.05", "did you mean 'joints_off'"),
-        ("joints_off", "did you mean 'joints_off'|strength"),
+        ("joints_off", r"joints_off needs a strength \[rad\], as in 'joints_off_0.02'"),
+        ("late_1+noise", r"noise needs a strength \[rad, m\], as in 'noise_0.01'"),
+        ("late", "late needs a strength"),
         ("joints_off_-1", "must be a number above 0"),
         ("joints_off_nan", "must be a number above 0"),
         ("late_1.5", "must be a whole number above 0"),
