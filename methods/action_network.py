@@ -142,14 +142,10 @@ class _Scales:
 
     @classmethod
     def from_arrays(cls, arrays: Parameters) -> "_Scales":
-        states, actions = (
-            Scale(arrays[f"{what}_mean"], arrays[f"{what}_scale"]) for what in ("state", "action")
-        )
-        return cls(states, actions)
+        return cls(Scale.of_arrays(arrays), Scale.of_arrays(arrays, "action"))
 
     def arrays(self) -> Parameters:
-        found = {"action_mean": self.actions.state_mean, "action_scale": self.actions.state_scale}
-        return self.states._asdict() | found
+        return self.states.arrays() | self.actions.arrays("action")
 
     def samples(self, demos: Demos, length: int) -> tuple[FloatArray, FloatArray]:
         """Returns standardised states (N (T-1), D) and their chunks (N (T-1), C A)."""

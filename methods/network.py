@@ -97,12 +97,12 @@ class NetworkMethod(TrainedMethod, MotionMethod):
             validate=lambda weights: one.error(weights, unseen),
             at_once=cls.at_once,
         )
-        return cls._fitted(config, layout, trained, [scale._asdict() for scale in scales])
+        return cls._fitted(config, layout, trained, [scale.arrays() for scale in scales])
 
     def rollout(self, start: FloatArray, steps: int) -> FloatArray:
         """Returns the motion from each start, (B, steps + 1, K)."""
         arrays = self.parameters()
-        scale = Scale(arrays["state_mean"], arrays["state_scale"])
+        scale = Scale.of_arrays(arrays)
         x = tensor(scale.apply(start))
         with one_thread(), torch.no_grad():
             predicted = self.unroll(self.weights(("state_",)), x[None], steps)[0].double().numpy()

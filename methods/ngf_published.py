@@ -24,11 +24,11 @@ from torch.nn import functional
 from methods.base import check_above
 from methods.layers import Weights, linear
 from methods.network import NetworkConfig, NetworkMethod
-from tasks.data import FloatArray
+from tasks.data import CONTROL_STEP, FloatArray
 from tasks.errors import InputError
 from tasks.product import product
 
-BLOCKS, HEADS, DT = 4, 4, 0.01
+BLOCKS, HEADS = 4, 4
 CORRECTIONS = ("geometry", "potential", "damping")
 
 
@@ -101,7 +101,8 @@ class PublishedNGF(NetworkMethod):
         belief = self._belief(weights, start, steps + 1)
         before, after = belief[:, :, :-1], belief[:, :, 1:]
         change = after - before
-        return after + change + DT**2 * self._acceleration(weights, after, change / DT)
+        acceleration = self._acceleration(weights, after, change / CONTROL_STEP)
+        return after + change + CONTROL_STEP**2 * acceleration
 
     def error(self, weights: Weights, motion: Tensor) -> Tensor:
         """Returns the Huber loss of each network on the joints of states 2 to T, (S,)."""

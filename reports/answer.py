@@ -12,7 +12,8 @@ from reports.pairing import keep_common, same_seeds, without_expert
 from reports.pairs import pairs_of
 from reports.results import Results
 from reports.seed_statistics import ONE_SEED
-from reports.style import METHODS, TASKS, display, ordered
+from reports.style import METHODS, display, ordered
+from tasks.registry import TASKS
 
 HOW = (
     "Two methods are told apart on a task if p, paired by seed and start and corrected for all"

@@ -11,8 +11,9 @@ from reports.pairing import keep_common
 from reports.pairs import pairs_of
 from reports.results import SPLITS, Results
 from reports.seed_statistics import ONE_SEED
-from reports.style import TASKS, ordered
+from reports.style import ordered
 from tasks.errors import InputError
+from tasks.registry import TASKS
 
 HOW = (
     "p_holm: p after Holm's correction for all pairs of a task and split; up to 0.05, the methods"

@@ -10,9 +10,10 @@ from bench.labels import plain
 from reports.more_seeds import episodes_of, more_seeds
 from reports.protocol import DEMOS_OF, KERNELS, OF_EXPERT, SEEDS
 from reports.remarks import Remark
-from reports.style import TASKS, display, ordered
+from reports.style import display, ordered
 from tasks.errors import InputError
 from tasks.pins import OFF, ON, SWITCH, UNPINNED
+from tasks.registry import TASKS
 
 MARK = "*"
 """Text after the name of a method that was run differently."""

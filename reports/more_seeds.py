@@ -10,8 +10,9 @@ from bench.labels import EXPERT, plain
 from bench.parsing import seeds_text
 from bench.presets import PRESETS
 from reports.pairing import FEWEST, common_seeds, demos_of_expert
-from reports.style import TASKS, ordered
+from reports.style import ordered
 from tasks.masses import NOMINAL
+from tasks.registry import TASKS
 
 SIZES = "sizes"
 EXPERIMENTS = (SIZES, "success", "ood", "robustness")

@@ -15,10 +15,10 @@ from reports.exhibit import Exhibit, span
 from reports.pairing import keep_common, without_expert
 from reports.results import Results
 from reports.seed_statistics import ONE_SEED
-from reports.style import METHODS, TASKS, display, ordered
+from reports.style import METHODS, display, ordered
 from reports.submitted_rows import SubmittedRow
 from tasks.data import FloatArray
-from tasks.registry import SECOND
+from tasks.registry import SECOND, TASKS
 
 STEP = 10
 """Points of success. The strips of a task begin and end at multiples of it."""

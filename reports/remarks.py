@@ -8,7 +8,8 @@ import pandas as pd
 from bench.controller_kinds import AUDITED, TUNED
 from bench.labels import EXPERT
 from reports.pairing import demos_of_expert, without_expert
-from reports.style import TASKS, display, ordered
+from reports.style import display, ordered
+from tasks.registry import TASKS
 
 OWN = " (suite's own)"
 """Text after the expert's name where methods did not learn from the expert's demonstrations."""

@@ -21,10 +21,10 @@ from reports.reference import WithShippedMethods
 from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.rows import Rows
 from reports.seed_statistics import rate
-from reports.style import METHODS, TASKS, display, ordered
+from reports.style import METHODS, display, ordered
 from tasks.data import BoolArray
 from tasks.errors import InputError
-from tasks.registry import EXPERTS, FIRST
+from tasks.registry import EXPERTS, FIRST, TASKS
 
 RATE = ("value", "spread", "low", "high", "basis", "seeds", "n")
 """Columns of a success rate in tables."""

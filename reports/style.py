@@ -30,7 +30,6 @@ NAMES = {
     "ood": "out of distribution",
 }
 """Names as readers see them."""
-TASKS = ("tool", "door", "relocation", "reorientation")
 METHODS = ("expert", *SUITE)
 INK = "#222222"
 """Colour of text, axes, intervals and the paper's values."""

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from reports.results import Results
-from reports.style import TASKS, ordered
+from reports.style import ordered
+from tasks.registry import TASKS
 
 
 def table_of(rows: Sequence[Mapping[str, object]] = ()) -> pd.DataFrame:

@@ -14,6 +14,7 @@ from tasks.base import SPLITS, Task
 from tasks.components import Component
 from tasks.data import FloatArray, IntArray, generator
 from tasks.experts import experts_of, load_expert
+from tasks.model_rules import TOLERANCE
 from tasks.observed import COUNT, Seen, Wander, observe, policies, seen
 from tasks.recorder import record
 from tasks.rule_results import NotAskedError, RuleBrokenError, require
@@ -25,8 +26,6 @@ TRIED = 40
 """Number of starts that the expert tries."""
 COMPLETIONS = 8
 """Number of random sequences of readings that could follow a decision."""
-TOLERANCE = 1e-9
-"""Largest difference between two ways to compute the same number."""
 _SOURCE = re.compile(
     r"(qpos|qvel|xpos|body_pos|site_xpos|site_pos|sensordata) ([\w:]+)(?:, ([xyz]))?"
 )

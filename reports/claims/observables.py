@@ -13,7 +13,7 @@ from reports.claim import (
     Trend,
     about_the_same,
 )
-from reports.style import TASKS
+from tasks.registry import TASKS
 
 CORRELATION = 0.5
 """The width of an interval above which a correlation is open."""

@@ -11,7 +11,7 @@ from reports.claim import (
     Setting,
     about_the_same,
 )
-from reports.style import TASKS
+from tasks.registry import TASKS
 
 
 def _ood(method: str, task: str) -> Setting:

@@ -12,8 +12,8 @@ from reports.claim import (
     Overall,
     Setting,
 )
-from reports.style import TASKS
 from tasks.masses import VARIATIONS
+from tasks.registry import TASKS
 
 
 def _varied(method: str, task: str, physics: str, tuned: bool = False) -> Setting:

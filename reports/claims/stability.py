@@ -1,7 +1,7 @@
 """Claims of appendix K: the eigenvalues of K."""
 
 from reports.claim import Claim, LargestAboveOne, MostBelowOne
-from reports.style import TASKS
+from tasks.registry import TASKS
 
 CLAIMS = (
     Claim(

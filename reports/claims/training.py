@@ -1,7 +1,7 @@
 """Claims of appendix F and of the abstract: what training takes."""
 
 from reports.claim import BASELINES, SIMILAR, Claim, SeedMatters, SizeMatters, TrainsLonger
-from reports.style import TASKS
+from tasks.registry import TASKS
 
 MUCH_LONGER = 3.0
 """Times as long as KODex. On a log scale, nearer to an order of magnitude than to 1 is 3.2."""

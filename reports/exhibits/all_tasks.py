@@ -10,9 +10,10 @@ from reports.exhibits.success import with_letters
 from reports.pairing import keep_common
 from reports.pairs import pairs_of_table
 from reports.results import SPLITS, Results, rate_facts
-from reports.style import METHODS, TASKS
+from reports.style import METHODS
 from reports.tables import in_order, table_of
 from tasks.data import BoolArray
+from tasks.registry import TASKS
 
 MEAN, MIDDLE = "mean", "interquartile mean"
 

@@ -6,9 +6,10 @@ import pandas as pd
 from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, TUNED
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import METHODS, TASKS
+from reports.style import METHODS
 from reports.tables import in_order, success_table, table_of
 from tasks.masses import CHANGES, READINGS
+from tasks.registry import TASKS
 
 
 def table(results: Results) -> pd.DataFrame:

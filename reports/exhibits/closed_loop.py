@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from reports.charts import add_legend, add_line, panel_grid
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import METHODS, TASKS, display, ordered
+from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import UNDISTURBED
 from tasks.masses import VARIATIONS
+from tasks.registry import TASKS
 
 NEVER, EVERY = "once", "every_"
 

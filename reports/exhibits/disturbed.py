@@ -6,9 +6,10 @@ from matplotlib.figure import Figure
 from reports.charts import add_legend, add_line, panel_grid
 from reports.exhibit import Exhibit
 from reports.results import Results
-from reports.style import METHODS, TASKS, display, ordered
+from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import KINDS, UNDISTURBED, Disturbance
+from tasks.registry import TASKS
 
 AXES = {
     "joints_off": "joints off",

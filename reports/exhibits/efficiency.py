@@ -10,8 +10,9 @@ from reports.charts import add_legend, add_line, task_panels
 from reports.exhibit import Exhibit
 from reports.pairing import without_expert
 from reports.results import Results
-from reports.style import METHODS, TASKS, ordered
+from reports.style import METHODS, ordered
 from reports.tables import table_of
+from tasks.registry import TASKS
 
 
 def table(results: Results) -> pd.DataFrame:

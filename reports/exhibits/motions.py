@@ -22,9 +22,10 @@ from reports.motions import (
 )
 from reports.pairing import keep_common, without_expert
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, display, ordered
+from reports.style import METHODS, colour, display, ordered
 from reports.tables import in_order, table_of
 from tasks.errors import InputError
+from tasks.registry import TASKS
 
 JOINTS = 2
 """Number of joints shown of a task: those that turn most in the demonstrated motion."""

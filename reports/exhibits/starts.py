@@ -11,9 +11,9 @@ from reports.exhibit import Exhibit
 from reports.pairing import keep_common
 from reports.results import SPLITS, Results
 from reports.starts import draw_starts, start_values
-from reports.style import METHODS, TASKS, display, ordered
+from reports.style import METHODS, display, ordered
 from reports.tables import in_order, table_of
-from tasks.registry import task_names
+from tasks.registry import TASKS, task_names
 
 SHOWN = 200
 """Number of starts of a split that are shown: the first ones of each seed, as many of each."""

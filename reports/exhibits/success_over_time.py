@@ -10,10 +10,10 @@ from matplotlib.ticker import MultipleLocator
 from reports.exhibit import Exhibit
 from reports.pairing import keep_common
 from reports.results import Results
-from reports.style import METHODS, TASKS, colour, dashes, display, marker, ordered
+from reports.style import METHODS, colour, dashes, display, marker, ordered
 from reports.tables import in_order, table_of
 from tasks.data import CONTROL_STEP, FloatArray
-from tasks.registry import task_names
+from tasks.registry import TASKS, task_names
 
 
 def table(results: Results) -> pd.DataFrame:
