@@ -6,6 +6,7 @@ from bench.controller import Controller
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from methods.contract import ContractError
 from tasks.data import NonFinite
+from tasks.experts import load_expert
 from tasks.registry import get_task
 from tasks.simulator import Simulator, rollout
 
@@ -81,6 +82,37 @@ def test_a_non_finite_answer_ends_its_episode_and_is_counted(value, policy_of, c
     assert episodes.steps.tolist() == [steps, steps, 6, 6]
     assert not episodes.success.any()
     assert policy.non_finite(500) == (NonFinite(500, call, 2, 3),)
+
+
+class Copied:
+    """Controller that takes the actions of the expert, and a method whose last row is spoilt."""
+
+    def __init__(self, task, starts):
+        self.layout = task.layout
+        expert, simulator = load_expert(task).policy, Simulator(task, starts, threads=1)
+        self.taken = []
+        for step in range(task.steps):
+            self.taken.append(np.clip(expert.act(simulator, step), -1, 1))
+            simulator.step(self.taken[-1])
+
+    def rollout(self, start, steps):
+        motion = np.zeros((len(start), steps + 1, self.layout.robot_dim))
+        motion[:, -1] = np.nan
+        return motion
+
+    def act(self, joints, following):
+        return self.taken.pop(0)
+
+
+def test_an_answer_that_no_step_used_is_not_counted():
+    task = get_task("relocation")
+    starts = task.sample("test", 4, 1)
+    copied = Copied(task, starts)
+    policy = TrackedMotion(copied, copied)
+    episodes = rollout(task, starts, policy, chunk=4)
+    assert episodes.success.all()
+    assert (episodes.steps < task.steps).all()
+    assert policy.non_finite(0) == ()
 
 
 def test_finite_answers_are_not_counted():
