@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, Self, TypeVar
 
@@ -93,11 +93,13 @@ class JobQueue:
 
     @_locked
     def add(self, jobs: Iterable[Job]) -> None:
-        """Adds jobs, except those that make or need a failed result or make a result of others."""
-        for job in jobs:
-            failed = self.failed.intersection((*job.makes, *job.needs))
-            if not failed and self._makers.keys().isdisjoint(job.makes):
-                self._waiting[name_of(job)] = job
+        """Adds jobs, except those that make or need a failed result or make a result of others.
+
+        Of a job that can be divided, the parts are added that do not.
+        """
+        for part in (part for job in jobs for part in _without(job, self.failed)):
+            if self._makers.keys().isdisjoint(part.makes):
+                self._waiting[name_of(part)] = part
         self._arrange()
 
     @_locked
@@ -137,14 +139,17 @@ class JobQueue:
 
     @_locked
     def fail(self, name: str) -> None:
-        """Removes a running job for good, and the jobs that need its results."""
+        """Removes a running job for good, and the jobs, or parts of them, that need its results."""
         lost = set(self.running.pop(name).makes)
         while lost:
             self.failed |= lost
-            dropped = [job for job in self.waiting if lost.intersection(job.needs)]
-            lost = {key for job in dropped for key in job.makes}
-            for job in dropped:
+            hit = [job for job in self.waiting if lost.intersection(job.needs)]
+            lost = {key for job in hit for key in job.makes}
+            for job in hit:
                 del self._waiting[name_of(job)]
+                for part in _without(job, self.failed):
+                    self._waiting[name_of(part)] = part
+                    lost -= {*part.makes}
         self._arrange()
 
     @_locked
@@ -195,6 +200,14 @@ class JobQueue:
 
     def _rank(self, name: str) -> tuple[float, str, str]:
         return -self._chains[name], self._waiting[name].label, name
+
+
+def _without(job: Job, failed: Collection[str]) -> list[Job]:
+    """The parts of a job that neither make nor need a failed result; itself if it does not."""
+    if not any(key in failed for key in (*job.makes, *job.needs)):
+        return [job]
+    parts = job.parts()
+    return [kept for part in parts for kept in _without(part, failed)] if len(parts) > 1 else []
 
 
 def name_of(job: Job) -> str:

@@ -1,7 +1,9 @@
 """The order of jobs: needs are met, long chains go first, failures drop only dependent jobs."""
 
+from dataclasses import dataclass
+
 import pytest
-from fake_jobs import job
+from fake_jobs import FakeJob, job
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -55,6 +57,30 @@ def test_a_failed_result_drops_jobs_that_need_it_but_not_those_after_it():
     assert taken(queue) == ["chosen"]
     queue.add([job("fit"), job("tested", needs=("fit",)), job("other")])
     assert taken(queue) == ["other"]
+
+
+@dataclass(frozen=True)
+class Tuned(FakeJob):
+    """Controllers of several seeds, each tuned from that of its seed."""
+
+    def parts(self):
+        pairs = zip(self.makes, self.needs, strict=True)
+        return [Tuned((made,), needs=(need,)) for made, need in pairs]
+
+
+def test_a_failed_seed_drops_the_jobs_of_no_other_seed_that_train_beside_it():
+    seeds = range(1, 4)
+    tuned = Tuned(tuple(f"t{s}" for s in seeds), needs=tuple(f"o{s}" for s in seeds))
+    tests = [job(f"e{s}", needs=(f"t{s}",)) for s in seeds]
+    queue = JobQueue([*(job(f"o{s}") for s in seeds), tuned, *tests])
+    queue.take("o2")
+    queue.fail("o2")
+    assert queue.failed == {"o2", "t2", "e2"}
+    queue.add([tuned, *tests])  # as a later request for the same results
+    for made in ("o1", "o3", "t1", "t3", "e1", "e3"):
+        queue.take(made)
+        queue.finish(made)
+    assert not queue.waiting
 
 
 def test_a_result_is_made_by_one_job_only():
