@@ -26,6 +26,7 @@ from pathlib import Path
 from pickle import dumps, loads  # by name, in case a method changes the module
 from platform import node
 from tempfile import TemporaryDirectory
+from time import monotonic
 from typing import Any
 
 import psutil
@@ -165,14 +166,15 @@ def _answer(
     here: Connection, process: multiprocessing.process.BaseProcess, limit: float
 ) -> bytes | Failure:
     """The bytes that the process sends, or a failure that says why it sends nothing."""
-    ready = wait([here, process.sentinel], limit)
-    if not ready:
+    end = monotonic() + limit
+    if wait([here, process.sentinel], limit):
+        with suppress(EOFError, OSError):
+            if here.poll():
+                return here.recv_bytes()
+        process.join(max(0.0, end - monotonic()))
+    if process.exitcode is None:
         return Failure(f"it exceeded the limit of {limit / 60:g} minutes", "")
-    with suppress(EOFError, OSError):
-        if here.poll():
-            return here.recv_bytes()
-    process.join()
-    code = process.exitcode or 0
+    code = process.exitcode
     how = f"ended with exit code {code}" if code >= 0 else f"was killed by {_signal(-code)}"
     return Failure(f"its process {how} before it returned a result", "", died=True)
 

@@ -183,6 +183,15 @@ def test_a_job_that_exceeds_the_time_limit_fails(where):
     assert slow.reason == "it exceeded the limit of 0.0166667 minutes"
 
 
+@pytest.mark.parametrize("where", [Workers(1), Workers(2)])
+def test_the_time_limit_holds_for_a_job_that_closes_its_files(where):
+    code = "import os, time\nos.closerange(3, 256)\ntime.sleep(60)"
+    began = time.monotonic()
+    (found,) = outcome([(exec, (code,))], replace(where, limit=2))
+    assert found.reason.startswith("it exceeded the limit of")
+    assert time.monotonic() - began < 40
+
+
 VICES = {
     "exits": ("import sys; sys.exit(4)", "SystemExit: 4"),
     "interrupts": ("raise KeyboardInterrupt('mine')", "KeyboardInterrupt: mine"),
