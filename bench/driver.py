@@ -4,7 +4,6 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from bench.admission import admissions, guests, introductions
@@ -110,7 +109,7 @@ def _admit(study: Study, runner: Runner) -> Study:
         runner.note_failure(name, failure)
     for name in set(names) - set(failures):
         runner.clear_failure(name)
-    return replace(study, methods=tuple(n for n in study.methods if n not in failures))
+    return study.without(failures)
 
 
 @contextmanager

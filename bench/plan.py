@@ -12,7 +12,7 @@ import shutil
 import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import fmean
@@ -154,14 +154,14 @@ def _prices(jobs: Sequence[Job], factor: float) -> dict[str, float]:
 
 
 def _with_usable_methods(study: Study, introduce: Callable[[type[Method]], None]) -> Study:
-    usable = list(study.methods)
+    unusable = []
     for name in guests(study.methods):
         try:
             introduce(known(name))
         except InputError as error:
             print(f"bench: {error}; it is left out", file=sys.stderr)
-            usable.remove(name)
-    return replace(study, methods=tuple(usable))
+            unusable.append(name)
+    return study.without(unusable)
 
 
 def free_disk(folder: Path) -> tuple[Path, float]:

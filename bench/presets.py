@@ -1,7 +1,7 @@
 """Presets: named studies, which say what a run computes and with how many episodes."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bench.controller import ControllerConfig
@@ -42,6 +42,15 @@ class Study:
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     note: str = ""
     """A note for readers of the tables."""
+
+    def without(self, methods: Collection[str]) -> "Study":
+        """Returns the study without these methods and all that it says of them."""
+        return replace(
+            self,
+            methods=tuple(name for name in self.methods if name not in methods),
+            settings={k: v for k, v in self.settings.items() if k[0] not in methods},
+            weights={k: v for k, v in self.weights.items() if k[0] not in methods},
+        )
 
 
 def get_preset(name: str) -> Study:

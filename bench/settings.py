@@ -11,7 +11,7 @@ from bench.selection import compared_sizes
 from methods.base import Method
 from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
-from methods.registry import SUITE, get_method
+from methods.registry import SUITE, get_method, method_names, unknown_method
 from tasks.errors import InputError, unknown_name
 
 
@@ -65,7 +65,8 @@ def check_settings(study: Study) -> None:
 
 def _check_method(study: Study, name: str, field: str) -> None:
     if name not in study.methods:
-        get_method(name)
+        if name not in method_names():
+            raise unknown_method(name)
         raise InputError(
             f"{name}.{field} is set, but {name} is not among the methods of the run"
             f" ({', '.join(study.methods)}): add it with --methods, or leave the setting out"

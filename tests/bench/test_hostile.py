@@ -132,6 +132,14 @@ def test_check_survives_misbehaving_methods(command):
     assert (code, "21 of 21 rules hold" in said) == (0, True), said
 
 
+def test_a_setting_of_a_method_that_cannot_be_used_stops_no_other(command):
+    chosen = ("--methods", "kodex,import_leaves", "--set", "import_leaves.x=3", "--out", "planned")
+    code, said = command("plan", "smoke", *chosen)
+    assert code == 0, said
+    assert "exit code 0 before it returned a result; it is left out" in said
+    assert "missing: " in said
+
+
 @pytest.mark.parametrize(
     ("word", "name", "reason"),
     [
