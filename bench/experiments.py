@@ -5,7 +5,14 @@ from dataclasses import replace
 
 from bench.cells import Conditions, cells, tracked
 from bench.controller_kinds import FINE_TUNED, ON_SUCCESSES, TUNED, UNCLIPPED
-from bench.fits import chosen_fits, fits_of_kodex, fits_of_sizes, fits_of_variants, held_out
+from bench.fits import (
+    chosen_fits,
+    fits_of_kodex,
+    fits_of_sizes,
+    fits_of_variants,
+    held_out,
+    in_its_own_words,
+)
 from bench.presets import Study
 from bench.selection import Sizes
 from bench.settings import check_names, check_settings
@@ -15,7 +22,7 @@ from bench.study_weights import check_weights
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.disturbances import names_of
-from tasks.errors import InputError, described, unknown_name
+from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, READINGS
 from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, get_task
 
@@ -217,19 +224,20 @@ def cells_of(study: Study, demos_keys: DemosKeys, chosen: Sizes | None = None) -
     for name in study.episodes:
         if name not in EXPERIMENTS:
             raise unknown_name("experiment", name, EXPERIMENTS)
-    try:
-        check_names(study)
-        check_settings(study)
-        found: list[Cell] = []
-        for name in study.episodes:
-            found += EXPERIMENTS[name](replace(study, demos_keys=demos_keys), chosen or {})
-            check_weights(study, name, found)
-        found = _once(found)
-        _check_configs(found)
-    except InputError:
-        raise
-    except Exception as error:  # a method of a package may refuse a setting in its own words
-        raise InputError(f"a method cannot be set up: {described(error)}") from error
+    check_names(study)
+    check_settings(study)
+    found: list[Cell] = []
+    for name in study.episodes:
+        found += EXPERIMENTS[name](replace(study, demos_keys=demos_keys), chosen or {})
+        check_weights(study, name, found)
+    found = _once(found)
+    if not found and study.episodes:
+        raise InputError(
+            f"{', '.join(study.episodes)}: nothing to evaluate with"
+            f" {', '.join(study.methods) or 'no method'} and {study.demos} demonstrations; `bench"
+            " describe` tells which methods an experiment is for"
+        )
+    _check_configs(found)
     return found
 
 
@@ -247,4 +255,5 @@ def _check_configs(found: Iterable[Cell]) -> None:
     """Builds every method, which raises an error if it refuses its config."""
     fits = (cell.fit for cell in found if cell.fit.method != EXPERT)
     for fit in {(f.task, f.method, f.variant, str(f.config)): f for f in fits}.values():
-        fit.build()
+        with in_its_own_words(fit.method):
+            fit.build()

@@ -1,6 +1,7 @@
 """The fits of a study: each method, at its sizes, in its variants, with its seeds."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from itertools import product
 from typing import Any, get_type_hints
@@ -16,6 +17,7 @@ from methods.contract import resolved
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
 from tasks.demos import demos_key
+from tasks.errors import InputError, described
 from tasks.experts import experts_of
 from tasks.registry import get_task
 
@@ -142,4 +144,17 @@ def _with_settings(study: Study, method: type[Method], config: Any) -> Iterator[
         if name == method.name
     }
     chosen = (dict(zip(values, found, strict=True)) for found in product(*values.values()))
-    yield from dict.fromkeys(replace(config, **changes) for changes in chosen)
+    with in_its_own_words(method.name):
+        configs = dict.fromkeys(replace(config, **changes) for changes in chosen)
+    yield from configs
+
+
+@contextmanager
+def in_its_own_words(method: str) -> Iterator[None]:
+    """Turns any error with which a method refuses its config into an InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{method} cannot be set up: {described(error)}") from error

@@ -74,6 +74,14 @@ def test_unknown_experiments_are_refused():
         cells_of(replace(get_preset("smoke"), episodes={"sucess": 1}), {"door": ""})
 
 
+def test_a_study_with_nothing_to_evaluate_is_refused():
+    study = replace(get_preset("paper"), episodes={"lifting": 5}, methods=("nn",), tasks=("door",))
+    with pytest.raises(InputError, match="lifting: nothing to evaluate with nn"):
+        cells_of(study, {"door": "key"})
+    with pytest.raises(InputError, match="nothing to evaluate with nn and 5 demonstrations"):
+        cells_of(replace(study, episodes={"efficiency": 5}, demos=5), {"door": "key"})
+
+
 def test_robustness_evaluates_each_variation_with_the_original_and_the_tuned_controller():
     study = replace(get_preset("paper"), tasks=("tool",), seeds=(4,), episodes={"robustness": 200})
     cells = cells_of(study, {"tool": "key"})
