@@ -154,12 +154,14 @@ def pack(folders: Sequence[Path], out: Path) -> None:
 
     Args:
         folders: folders of `bench run` or `bench pack`.
-        out: folder of the packed results, created if needed; it may be one of the folders.
+        out: folder of the packed results, created if needed; it may be a packed one of the folders.
 
     Raises:
         InputError: a folder holds no results, or results that differ from another folder's, or
-            kernels that are marked differently.
+            kernels that are marked differently; or `out` holds results of `bench run`.
     """
+    if (out / "cells").exists():
+        raise InputError(f"{out} holds results of `bench run`: pack into another folder")
     sources = [open_results(folder) for folder in folders]
     frames = [source.frame() for source in sources]
     check_alike((place, found.pins) for place, found in zip(folders, frames, strict=True))

@@ -59,6 +59,14 @@ def test_packed_parts_equal_one_run(task, smoke, bench, tmp_path, files_of, monk
     pd.testing.assert_frame_equal(episodes, pd.read_parquet(tmp_path / "packed/episodes.parquet"))
 
 
+def test_results_are_not_packed_into_a_folder_of_a_run(task, smoke, bench, tmp_path):
+    run = str(tmp_path / "run")
+    bench("run", "smoke", "--jobs", "1", "--episodes", "2", "--out", run)
+    code, _, error = bench("pack", run, "--out", run)
+    assert (code, "pack into another folder" in error) == (2, True)
+    assert bench("status", run)[0] == 0
+
+
 def test_pack_keeps_times_when_a_part_with_more_episodes_has_none(task, smoke, bench, tmp_path):
     timed, more, packed = (str(tmp_path / name) for name in ("timed", "more", "packed"))
     run = ("run", "smoke", "--jobs", "1", "--out")
