@@ -40,7 +40,7 @@ def _add(app: typer.Typer, name: str, points: Sequence[EntryPoint]) -> None:
         try:
             app.command(name)(_checked(points[0]))
             return
-        except BaseException as error:  # a module may even call sys.exit
+        except (Exception, SystemExit) as error:
             FAULTS[name] = (
                 f"command {name!r} of {packages} cannot be imported: {described(error)}; repair or"
                 f" uninstall {packages}"

@@ -19,6 +19,12 @@ from tasks.errors import InputError, unknown_name
 from tasks.registry import get_task
 
 
+class NoMethodError(InputError, KeyError):
+    """There are no fits of a method."""
+
+    __str__ = Exception.__str__
+
+
 class Methods(Mapping[str, Method]):
     """Fitted methods of a task by label, see `bench.labels`; each is loaded when it is looked up.
 
@@ -43,7 +49,7 @@ class Methods(Mapping[str, Method]):
 
     def __getitem__(self, name: str) -> Method:
         if name not in self:
-            raise unknown_name("method of these results", name, self)
+            raise NoMethodError(str(unknown_name("method of these results", name, self)))
         return _load(self._results, self._row(name))
 
     def __contains__(self, name: object) -> bool:

@@ -116,14 +116,20 @@ def settings(given: Mapping[str, Any] | Sequence[str]) -> dict[tuple[str, str], 
             JSON nor a whole number like 10_000 is kept as text.
 
     Raises:
-        InputError: a setting has another form.
+        InputError: a setting has another form, or is given twice.
     """
     if isinstance(given, Mapping):
-        return {_place(place, place): value for place, value in given.items()}
-    found = {}
+        return {_place(str(place), str(place)): value for place, value in given.items()}
+    found: dict[tuple[str, str], Any] = {}
     for text in given:
-        place, equals, value = text.partition("=")
-        found[_place(place if equals else "", text)] = scalar(value)
+        name, equals, value = text.partition("=")
+        place = _place(name if equals else "", text)
+        if place in found:
+            raise InputError(
+                f"--set gives {name.strip()} twice: one value each, or several with commas"
+                f" ({name.strip()}=1,2)"
+            )
+        found[place] = scalar(value)
     return found
 
 
@@ -147,7 +153,7 @@ def weights(given: Mapping[str, Any] | Sequence[str]) -> list[tuple[str, str, Pa
     pairs = given.items() if isinstance(given, Mapping) else [_pair(text) for text in given]
     found = []
     for place, file in pairs:
-        method, _, task = (part.strip() for part in place.partition("@"))
+        method, _, task = (part.strip() for part in str(place).partition("@"))
         found.append((method, task, path_of("a file of --weights", file)))
     return found
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from bench import parsing
 from tasks.errors import InputError, unknown_name
+from tasks.files import path_of
 
 if TYPE_CHECKING:
     from bench.presets import Study
@@ -121,9 +123,7 @@ def _variants(study: Study, names: Names) -> Study:
 
 
 def _seeds(study: Study, seeds: str | int | Sequence[int]) -> Study:
-    return replace(
-        study, seeds=parsing.seeds(str(seeds) if isinstance(seeds, int) else _text(seeds))
-    )
+    return replace(study, seeds=parsing.seeds(_text(seeds)))
 
 
 def _expert(study: Study, name: str) -> Study:
@@ -144,7 +144,9 @@ def _demos(study: Study, files: str | Path | Sequence[str | Path]) -> Study:
             " give demos or expert"
         )
     several = [files] if isinstance(files, str | Path) else files
-    return learning_from(study, [Path(file) for file in several])
+    if not isinstance(several, Iterable):
+        raise InputError(f"demos are a file or a list of files, got {files!r}")
+    return learning_from(study, [path_of("a file of demos", file) for file in several])
 
 
 def _settings(study: Study, settings: Mapping[str, Any] | Sequence[str]) -> Study:
@@ -157,9 +159,13 @@ def _weights(study: Study, files: Mapping[str, str | Path] | Sequence[str]) -> S
     return evaluating(study, parsing.weights(files))
 
 
-def _text(values: str | Sequence[Any]) -> str:
+def _text(values: str | int | Sequence[Any]) -> str:
     """Values as text of a command line. The last comma makes a single number a list of seeds."""
-    return values if isinstance(values, str) else "".join(f"{value}," for value in values)
+    if isinstance(values, str | Integral):
+        return str(values)
+    if not isinstance(values, Iterable):
+        raise InputError(f"names are a text or a list of texts, seeds are numbers: got {values!r}")
+    return "".join(f"{value}," for value in values)
 
 
 _CHANGES: Mapping[str, Callable[[Study, Any], Study]] = {

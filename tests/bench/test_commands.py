@@ -9,7 +9,6 @@ import pytest
 WORKS = "def hello():\n    print('hello')\n"
 BROKEN = {
     "an exit": ("raise SystemExit(7)", "SystemExit: 7 (evil.py:1)"),
-    "an interrupt": ("raise KeyboardInterrupt", "KeyboardInterrupt (evil.py:1)"),
     "a missing module": ("import nowhere", "No module named 'nowhere' (evil.py:1)"),
     "no such name": ("", "has no attribute 'hello'"),
     "no function": ("hello = 3", "TypeError"),
@@ -46,6 +45,12 @@ def run(tmp_path):
 
 def test_a_command_of_a_package_runs(run):
     assert run({"good": ("hello", WORKS)}, "hello") == (0, "hello\n", "")
+
+
+def test_ctrl_c_while_commands_of_packages_are_imported_ends_the_program(run):
+    code, _, error = run({"slow": ("hello", "raise KeyboardInterrupt")}, "list")
+    assert code != 0
+    assert "cannot be imported" not in error
 
 
 @pytest.mark.parametrize(("text", "reason"), BROKEN.values(), ids=BROKEN)

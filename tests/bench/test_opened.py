@@ -221,6 +221,7 @@ def test_options_mean_the_same_as_text_and_as_values(task):
     )
     assert as_texts == as_values
     assert as_texts.seeds == (1, 2, 3)
+    assert study_of("quick", seeds=np.int64(3)).seeds == (1, 2, 3)
     assert study_of("quick", seeds=[7]).seeds == (7,)
     assert study_of("quick", seeds=range(1, 3), methods=None).seeds == (1, 2)
 
@@ -235,6 +236,13 @@ def test_options_mean_the_same_as_text_and_as_values(task):
         ({"settings": {"epochs": 5}}, r"takes METHOD.FIELD=VALUE, .* got 'epochs'"),
         ({"demos": "nothing"}, "nothing does not exist"),
         ({"demos": []}, "demonstrations of no task, not of door"),
+        ({"demos": 3}, "demos are a file or a list of files, got 3"),
+        ({"demos": [3]}, "must be a path"),
+        ({"tasks": 5}, "unknown task '5'"),
+        ({"seeds": 2.5}, "got 2.5"),
+        ({"settings": {3: 4}}, "takes METHOD.FIELD=VALUE, .* got '3'"),
+        ({"weights": {3: "x.safetensors"}}, "unknown method of the run '3'"),
+        ({"settings": ["nn.epochs=5", "nn.epochs = 6"]}, r"gives nn.epochs twice: .*nn.epochs=1,2"),
     ],
 )
 def test_an_unusable_option_is_refused(task, options, answer):
