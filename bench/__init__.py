@@ -44,7 +44,7 @@ def run(
         scheduler: address of a dask scheduler.
         options: changes to the preset, named like the options of `bench run`:
             ``experiments``, ``tasks``, ``methods``, ``sizes``, ``variants``, ``seeds``,
-            ``episodes``, ``demos``, ``settings`` (``--set``) and ``weights``, see
+            ``episodes``, ``expert``, ``demos``, ``settings`` (``--set``) and ``weights``, see
             `bench.studies.Options`.
 
     Raises:
@@ -79,8 +79,8 @@ def load(folder: str | Path | None = None) -> pd.DataFrame:
     """Returns all stored episodes of a results folder in one table, one row each.
 
     Columns: ``task``, ``method``, ``variant``, ``size``, ``demos``, ``held_out``, ``seed``,
-    ``split``, ``physics``, ``controller``, ``rule``, ``start``, ``success``, ``diverged`` and
-    ``steps``.
+    ``split``, ``physics``, ``controller``, ``rule``, ``disturbance``, ``replan``, ``start``,
+    ``success``, ``diverged`` and ``steps``.
 
     Args:
         folder: results folder of `bench run` or `bench pack`. Default: the shipped results.

@@ -105,7 +105,11 @@ def time(
 
     with doing("looking for fits to time"):
         timed = time_fits(results_folder(folder), lambda line: print(line, flush=True))
-    print(f"{count_of(timed, 'fit')} timed in {folder}")
+    for failure in timed.failed:
+        print(f"cannot be timed: {failure}", file=sys.stderr)
+    print(f"{count_of(timed.done, 'fit')} timed in {folder}")
+    if timed.failed:
+        raise typer.Exit(SOME_FAILED)
 
 
 @takes_study

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from bench.spec import EXPERT, ControllerSpec, Evaluation, Fit
+from tasks.files import whole_file
 from tasks.registry import APPENDIX
 
 TABLE = Path(__file__).with_name("costs.csv")
@@ -138,7 +139,7 @@ def _table() -> dict[tuple[str, str, str, str, int], Price]:
 
 def write_table(prices: Sequence[Price], machine: str) -> None:
     """Writes the table."""
-    with TABLE.open("w", newline="") as file:
+    with whole_file(TABLE) as whole, whole.open("w", newline="") as file:
         file.write(f"# CPU seconds of: {machine}\n")
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(field.name for field in fields(Price))

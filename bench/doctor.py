@@ -7,12 +7,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 from bench.checking import known
 from bench.commands import FAULTS
+from bench.cores import cores
 from bench.guest_tasks import known_task
-from bench.plan import free_disk, total_memory
+from bench.plan import GIB_PER_JOB, free_disk, total_memory
 from bench.renderer import renderer
 from methods.registry import package_methods, unusable
 from tasks.base import Task
@@ -26,8 +25,8 @@ from tasks.pins import PINNED, UNPINNED, pin, processor
 from tasks.registry import FIRST, TASKS, get_task, package_tasks, unusable_tasks
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
-LEAST_MEMORY, LEAST_DISK = 4.0, 5.0
-"""GiB that the preset ``paper`` needs at ease: memory of each job, disk of the results."""
+LEAST_DISK = 15.0
+"""GiB of disk that the results of the preset ``paper`` need at ease."""
 
 
 def examine(folder: Path) -> list[dict[str, Any]]:
@@ -69,16 +68,16 @@ def _brought() -> list[dict[str, Any]]:
 
 def _machine(folder: Path) -> list[dict[str, Any]]:
     memory = total_memory()
-    cores = joblib.cpu_count()
+    available = cores()
     there, free = free_disk(folder)
-    few = memory < LEAST_MEMORY * cores
+    few = memory < GIB_PER_JOB * available
     return [
         *_kernels(),
-        {"what": "cores", "found": str(cores), "advice": ""},
+        {"what": "cores", "found": str(available), "advice": ""},
         {
             "what": "memory",
             "found": f"{memory:.0f} GiB",
-            "advice": f"run fewer jobs: bench run --jobs {max(1, int(memory / LEAST_MEMORY))}"
+            "advice": f"run fewer jobs: bench run --jobs {max(1, int(memory / GIB_PER_JOB))}"
             if few
             else "",
         },
@@ -86,9 +85,7 @@ def _machine(folder: Path) -> list[dict[str, Any]]:
             "what": f"disk at {there}",
             "found": f"{free:.0f} GiB free",
             "advice": _refusal(partial(writable_folder, folder))
-            or (
-                "free some: results of the whole paper take about a gigabyte" * (free < LEAST_DISK)
-            ),
+            or ("free some: results of the whole paper take about 11 GiB" * (free < LEAST_DISK)),
         },
         _cache(),
     ]

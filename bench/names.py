@@ -28,6 +28,8 @@ from tasks.masses import NOMINAL
 from tasks.registry import APPENDIX, FIRST
 
 KEY_DIGITS = 12
+LONGEST = 200
+"""Characters of a label in the name of a folder, which file systems limit to 255."""
 CONDITIONS = ("split", "physics", "controller", "rule", "disturbance", "replan")
 """The fields that distinguish the evaluations of a fit."""
 PLAIN = {"physics": NOMINAL, "rule": APPENDIX, "disturbance": UNDISTURBED, "replan": 0}
@@ -73,8 +75,13 @@ def controller_label(fields: Mapping[str, Any]) -> str:
 
 
 def folder_name(label: str, key: str) -> str:
-    """Returns the name of the folder of a fit or controller."""
-    return f"{label}-{key[:KEY_DIGITS]}"
+    """Returns the name of the folder of a fit or controller. A long label is cut."""
+    return f"{label[:LONGEST]}-{key[:KEY_DIGITS]}"
+
+
+def evaluation_label(fit: Named, evaluation: str) -> str:
+    """Returns a readable name of an evaluation of a fit, given its `evaluation_name`."""
+    return f"{fit.label} {evaluation}"
 
 
 def evaluation_name(conditions: Mapping[str, Any]) -> str:

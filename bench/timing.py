@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.backend import Call, Listed, Workers, answers, workers
 from bench.computing import Fitted, fit_methods
@@ -33,8 +33,15 @@ FEWEST = 2
 """Epochs at least for which it is timed: what a fit costs besides is told from one epoch."""
 
 
-def time_fits(folder: Path, report: Callable[[str], None]) -> int:
-    """Times the stored fits whose times exhibits show, one after the other; returns their number.
+class Timed(NamedTuple):
+    """How many fits were timed, and the labels of those that could not be, with the reason."""
+
+    done: int
+    failed: list[str]
+
+
+def time_fits(folder: Path, report: Callable[[str], None]) -> Timed:
+    """Times the stored fits whose times exhibits show, one after the other.
 
     Of fits that differ only in their seeds, the first is timed, unless its time is stored already.
 
@@ -61,21 +68,21 @@ def time_fits(folder: Path, report: Callable[[str], None]) -> int:
         ]
         firsts = shown.sort_values("seed").drop_duplicates(group).sort_values(group)
         missing = firsts[firsts.fit_seconds.isna()].to_dict("records")
-        timed = 0
+        timed, failed = 0, []
         calls = [partial(_call, row) for row in missing]
         with workers(where), Interrupts() as interrupts:
             for index, answer in answers(Listed(calls), where, interrupts):
                 row = missing[int(index)]
                 label = stored_fit(row).label
                 if isinstance(answer.result, Failure):
-                    report(f"{label} cannot be timed: {answer.result.reason}")
+                    failed.append(f"{label}: {answer.result.reason}")
                 else:
                     writer.add_times(row["folder"], answer.result)
                     fit, action = map(median, answer.result)
                     report(f"{label}: {fit:.3g} s, an action {1e6 * action:.3g} µs")
                     timed += 1
             interrupts.check()
-    return timed
+    return Timed(timed, failed)
 
 
 def _call(row: dict[str, Any]) -> Call:
