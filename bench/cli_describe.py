@@ -111,6 +111,8 @@ def _print_experiment(facts: dict[str, Any]) -> None:
     disturbed = [name for name in facts["disturbances"] if name != UNDISTURBED]
     if disturbed:
         _print_table("disturbances", [{"name": n, "meaning": meaning_of(n)} for n in disturbed])
+    if facts["replans"] != [0]:
+        print(f"control steps between predictions (0: one at the start): {facts['replans']}\n")
     columns = {
         "fits": "fits",
         "evaluations": "evaluations",

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.controller_kinds import ABOUT as ABOUT_CONTROLLERS
+from bench.experiments import EFFICIENCY_DEMOS, EXPERIMENTS
 from bench.names import CONDITIONS
 from bench.presets import PRESETS, Study
 from bench.spec import VALIDATION, Cell
@@ -64,7 +65,8 @@ ABOUT = {
     "efficiency": About(
         measures="Success after training on few or many demonstrations, of which a method that"
         " chooses by validation holds out a fifth. Training times need `bench time` too.",
-        varies="Task, method, seed, number of demonstrations (10, 25, 50, 100, 150, 200).",
+        varies="Task, method, seed, number of demonstrations"
+        f" ({', '.join(map(str, EFFICIENCY_DEMOS))}).",
         own=("efficiency", "efficiency_time"),
     ),
     "disturbed": About(
@@ -123,8 +125,6 @@ def describe_experiment(name: str) -> dict[str, Any]:
 
 
 def _cells(study: Study, name: str) -> list[Cell]:
-    from bench.experiments import EXPERIMENTS
-
     return EXPERIMENTS[name](study, {}) if name in study.episodes else []
 
 

@@ -13,6 +13,7 @@ from bench.backend import Call
 from bench.computing import Evaluated, Fitted, evaluate, fit_controllers, fit_methods
 from bench.costs import Cost, controller_cost, evaluation_cost, fit_cost
 from bench.missing import Missing
+from bench.names import evaluation_label
 from bench.results import Results
 from bench.results_writer import ResultsWriter
 from bench.spec import EXPERT, Cell, ControllerSpec, Fit, controller_blocks, seed_blocks
@@ -37,11 +38,6 @@ class ControllerJob:
     def label(self) -> str:
         """A name for people; of several controllers, with all seeds."""
         return self.specs[0].label + "".join(f",{spec.seed}" for spec in self.specs[1:])
-
-    @property
-    def labels(self) -> list[str]:
-        """The label of each of its results."""
-        return [spec.label for spec in self.specs]
 
     @cached_property
     def makes(self) -> tuple[str, ...]:
@@ -91,11 +87,6 @@ class FitJob:
         """A name for people; of several fits, with all seeds."""
         return self.fits[0].label + "".join(f",{fit.seed}" for fit in self.fits[1:])
 
-    @property
-    def labels(self) -> list[str]:
-        """The label of each of its results."""
-        return [fit.label for fit in self.fits]
-
     @cached_property
     def makes(self) -> tuple[str, ...]:
         """The keys of the fits."""
@@ -139,12 +130,7 @@ class EvaluationJob:
     @property
     def label(self) -> str:
         """A name for people."""
-        return f"{self.cell.fit.label} {self.cell.evaluation.name}"
-
-    @property
-    def labels(self) -> list[str]:
-        """The label of each of its results."""
-        return [self.label]
+        return evaluation_label(self.cell.fit, self.cell.evaluation.name)
 
     @cached_property
     def makes(self) -> tuple[str, ...]:

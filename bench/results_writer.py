@@ -18,6 +18,7 @@ from bench.names import (
     Named,
     cell_path,
     controller_path,
+    evaluation_label,
     evaluation_path,
     failure_path,
 )
@@ -159,7 +160,7 @@ class ResultsWriter:
         if path.exists() and not self.results.stored_episodes(wanted):
             self._set_aside(path, "it is of another version of the task or of the controller")
         self.write(path, content)
-        self.clear_failure(f"{wanted.fit.label} {wanted.evaluation.label}")
+        self.clear_failure(evaluation_label(wanted.fit, wanted.evaluation.label))
 
     def add_failure(self, label: str, reason: str, traceback: str, tries: int = 1) -> None:
         """Stores why the job of that label failed; numbers of tries add up."""

@@ -207,7 +207,7 @@ class Runner:
         if not failed:
             job.store(answer.result, self._writer)
             self._queue.finish(name)
-            self._done += len(job.labels)
+            self._done += len(job.makes)
         elif not self._queue.divide(name):
             self.note_failure(job.label, answer.result)
             self._queue.fail(name)

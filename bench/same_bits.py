@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from bench.manifest import Name, Wanted
+from bench.names import evaluation_label
 from bench.provenance import same_bits
 from bench.results import Results
 from bench.stored_files import software_of
@@ -63,7 +64,7 @@ def _evaluations_differ(one: Results, other: Results, wanted: Wanted) -> str:
     if any(len(part) != 1 for part in made) or not same_bits(made[0][0], made[1][0]):
         return ""
     found = episodes_differ(frames[0], frames[1])
-    return found and f"{wanted.fit.label} {wanted.evaluation.label}: {found}"
+    return found and f"{evaluation_label(wanted.fit, wanted.evaluation.label)}: {found}"
 
 
 def weights_differ(one: bytes, other: bytes) -> str:

@@ -13,7 +13,6 @@ from bench.computing import fit_controllers
 from bench.experiments import cells_of
 from bench.parsing import known_names
 from bench.presets import get_preset
-from bench.provenance import provenance
 from bench.spec import ControllerSpec, controller_blocks
 from bench.study_demos import demos_keys_of
 from bench.trained import SHIPPED, TrainedController, file_name, trained, write
@@ -32,7 +31,7 @@ def ship(tasks: Sequence[str], folder: Path = SHIPPED) -> list[ControllerSpec]:
     for block in controller_blocks(spec for spec in specs if spec.key not in made):
         fitted = fit_controllers(block, [controller_demos(spec) for spec in block])
         for spec, one in zip(block, fitted, strict=True):
-            made[spec.key] = TrainedController(one.parameters, provenance(one.seconds))
+            made[spec.key] = TrainedController(one.parameters, one.facts)
     for spec in specs:
         write(folder, spec, made[spec.key].weights, made[spec.key].facts)
     kept = {file_name(spec) for spec in specs}

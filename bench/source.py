@@ -114,9 +114,8 @@ def episodes_table(source: Source) -> pd.DataFrame:
     if found.empty:
         return pd.DataFrame(columns=[*names, *OUTCOMES])
     frame = labelled(found)
-    parts = [source.outcomes(row) for row in frame.to_dict("records")]
-    table = pd.concat(parts, ignore_index=True)
-    rows = np.repeat(np.arange(len(frame)), [len(part) for part in parts])
+    table = numbered_outcomes(source, frame)
+    rows = table.pop("evaluation")
     texts = set(names) - {*NUMBERS, "replan"}
     labels = frame[names].astype(dict.fromkeys(texts, "category"))
     return pd.concat([labels.iloc[rows].reset_index(drop=True), table], axis=1)
