@@ -1,5 +1,6 @@
 import pytest
 
+from bench.names import folder_name
 from bench.results_writer import writing
 from bench.spec import Evaluation
 from bench.stored_files import Times
@@ -98,3 +99,9 @@ def test_unfinished_files_of_an_interrupted_writer_are_removed(tmp_path):
     left.mkdir(parents=True)
     with writing(tmp_path):
         assert not left.exists()
+
+
+def test_the_folder_of_a_long_label_has_a_name_that_file_systems_allow():
+    names = {folder_name("longest" * 50, digit * 64) for digit in "0f"}
+    assert len(names) == 2
+    assert max(map(len, names)) < 255
