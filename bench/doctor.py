@@ -9,9 +9,9 @@ from typing import Any
 
 from bench.checking import known
 from bench.commands import FAULTS
-from bench.cores import cores
+from bench.cores import cores, total_memory
 from bench.guest_tasks import known_task
-from bench.plan import GIB_PER_JOB, free_disk, total_memory
+from bench.plan import GIB_PER_JOB, free_disk
 from bench.renderer import renderer
 from methods.registry import package_methods, unusable
 from tasks.base import Task

@@ -7,7 +7,6 @@ measures. The table of costs has no methods of packages. For these, a fit to a f
 over one or two epochs is measured each time. Measured is CPU time, which other work hardly affects.
 """
 
-import os
 import shutil
 import sys
 from collections import Counter
@@ -21,7 +20,7 @@ from time import process_time
 from bench.admission import guests
 from bench.agenda import Agenda, make_agenda
 from bench.checking import known
-from bench.cores import simulator_threads
+from bench.cores import simulator_threads, total_memory
 from bench.costs import JOB_SECONDS
 from bench.detectable import StudyPower, power_of
 from bench.doing import say
@@ -168,11 +167,6 @@ def free_disk(folder: Path) -> tuple[Path, float]:
     """Returns the existing part of the path to a folder, and the free disk space there [GiB]."""
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     return there, shutil.disk_usage(there).free / 2**30
-
-
-def total_memory() -> float:
-    """Returns the memory of this machine [GiB]."""
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
 
 
 # Calibration

@@ -106,3 +106,12 @@ def test_jobs_come_from_the_option_the_environment_or_the_cores(monkeypatch):
 def test_an_invalid_number_of_jobs_is_refused(jobs):
     with pytest.raises(InputError, match="jobs must be 1 or more, or -1"):
         count_jobs(jobs)
+
+
+def test_more_jobs_than_the_memory_can_hold_are_refused(monkeypatch):
+    monkeypatch.setattr("bench.cores.total_memory", lambda: 8.0)
+    assert count_jobs(16) == 16
+    with pytest.raises(InputError, match=r"jobs must be at most .* here, got 1000: .* has 8"):
+        count_jobs(1000)
+    monkeypatch.setattr("bench.cores.cores", lambda: 64)
+    assert count_jobs() == count_jobs(64) == 64
