@@ -101,16 +101,18 @@ def demos(task: str, file: str | Path | None = None, seed: int = 1) -> tuple[Dem
         seed: of a study, from 1. Each has demonstrations of its own, or its own order of a file's.
 
     Raises:
-        InputError: the task does not exist, or the file holds no demonstrations of it.
+        InputError: the task does not exist, the seed is no whole number from 1, or the file holds
+            no demonstrations of the task.
     """
+    from bench.parsing import seed_of
     from tasks.demos import load_demos, read_demos, shuffled, split
     from tasks.files import path_of
     from tasks.registry import get_task
 
-    chosen = get_task(task)
+    chosen, one = get_task(task), seed_of(seed)
     if file is None:
-        return split(load_demos(chosen, seed))
-    return split(shuffled(read_demos(chosen, path_of("file", file)), seed))
+        return split(load_demos(chosen, one))
+    return split(shuffled(read_demos(chosen, path_of("file", file)), one))
 
 
 def demos_from_arrays(

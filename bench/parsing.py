@@ -73,6 +73,18 @@ def whole_number(text: str, least: int) -> int:
     return int(value)
 
 
+def seed_of(given: object) -> int:
+    """Returns one seed.
+
+    Raises:
+        InputError: it is no whole number from 1.
+    """
+    try:
+        return whole_number(str(given), 1)
+    except InputError as error:
+        raise InputError(f"a seed {error}") from error
+
+
 def seeds(text: str) -> tuple[int, ...]:
     """Parses seeds; returns each once, in the order given.
 

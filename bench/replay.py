@@ -111,18 +111,23 @@ def replay(
         InputError: a start was not evaluated; the fit learnt from other demonstrations than this
             installation makes; or a method of a package cannot be used or fails.
     """
-    beyond = [start for start in starts if not 0 <= start < row["episodes"]]
-    if beyond or not len(starts):
-        raise InputError(
-            f"start {beyond[0] if beyond else 'none'} of {row['task']}/{row['split']} has no stored"
-            f" episode of {row['method']}: there are 0 to {row['episodes'] - 1}"
-        )
+    check_starts(row, starts)
     wanted = [int(start) for start in sorted(starts)]
     if plain(row["method"]) in (EXPERT, *SUITE) and not pin().late:
         return _replay(folder, row, wanted, whole)
     # The other process may have another working folder.
     found: Replay = apart(_replay, folder.absolute(), row, wanted, whole)
     return found
+
+
+def check_starts(row: Mapping[str, Any], starts: Sequence[int]) -> None:
+    """Raises InputError unless there are starts, and all were evaluated, see `replay`."""
+    beyond = [start for start in starts if not 0 <= start < row["episodes"]]
+    if beyond or not len(starts):
+        raise InputError(
+            f"start {beyond[0] if beyond else 'none'} of {row['task']}/{row['split']} has no stored"
+            f" episode of {row['method']}: there are 0 to {row['episodes'] - 1}"
+        )
 
 
 def _replay(folder: Path, row: Mapping[str, Any], starts: Sequence[int], whole: bool) -> Replay:

@@ -55,8 +55,10 @@ def study_of(study: str | Study, **options: Unpack[Options]) -> Study:
     Raises:
         InputError: there is no such preset or option, or a value cannot be used.
     """
-    from bench.presets import get_preset
+    from bench.presets import Study, get_preset
 
+    if not isinstance(study, str | Study):
+        raise InputError(f"a study is the name of a preset or a Study, got {study!r}")
     chosen = get_preset(study) if isinstance(study, str) else study
     for name in options:
         if name not in _CHANGES:

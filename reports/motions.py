@@ -46,10 +46,13 @@ def motions(
         InputError: there is no such task, method, seed or start, or the results are packed and
             hold no fits, or the episode cannot be replayed, see `bench.replay.replay`.
     """
+    from bench.replay import check_starts  # imports torch
+
     results = Results(folder)
     if not isinstance(results.source, StoredResults):
         raise InputError(f"{folder} holds packed results, without the fits that motions need")
     row = evaluations(results, task, method, "test", seed)[0]
+    check_starts(row, [start])
     return replayed_motion(results, row, start, demonstrated_motion(row, start))
 
 

@@ -55,7 +55,7 @@ def unknown_task(name: str) -> InputError:
     error = _BROUGHT.unknown(name, task_names())
     if isinstance(error, PackageError):
         return error
-    return InputError(f"{error}; a task of a package is known while that package is installed")
+    return InputError(f"{error}. A task of a package is known while that package is installed")
 
 
 def get_task(name: str, rule: str = APPENDIX) -> Task:

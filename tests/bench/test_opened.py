@@ -208,6 +208,17 @@ def test_a_run_takes_the_options_of_the_command_line(door, tmp_path):
     assert row["config"]["hidden"] == [8]
 
 
+@pytest.mark.parametrize("seed", [0, 1.5, None, "first"])
+def test_a_seed_of_demonstrations_is_a_whole_number_from_1(task, seed):
+    with pytest.raises(InputError, match="a seed must be a whole number from 1"):
+        suite.demos("door", seed=seed)
+
+
+def test_a_study_that_is_neither_a_name_nor_a_study_is_refused(task):
+    with pytest.raises(InputError, match="name of a preset or a Study, got None"):
+        study_of(None)
+
+
 def test_options_mean_the_same_as_text_and_as_values(task):
     as_texts = study_of(
         "quick", tasks="tool,door", seeds="3", episodes=10_000, settings=["nn.epochs=5"]

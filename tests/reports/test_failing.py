@@ -122,8 +122,11 @@ class TestErrors:
             assert code == 2
             assert reason in err
         assert not (results / "pictures").exists()
-        with pytest.raises(InputError, match="start 7 of door/test has no stored episode of kodex"):
-            motions(results, "door", "kodex", STARTS)
+        for start in (STARTS, -1):
+            with pytest.raises(
+                InputError, match=f"start {start} of door/test has no stored episode"
+            ):
+                motions(results, "door", "kodex", start)
 
 
 @pytest.mark.parametrize("task", ["tool", "reorientation"], indirect=True)
