@@ -1,7 +1,7 @@
 """Experts: the policies that demonstrate the tasks.
 
-Those of the suite's tasks are reactive networks, shipped in `tasks/experts/`. Some tasks have a
-second one, from another training. A task of a package brings its own, see `tasks.base.Task.expert`.
+Each of the suite's tasks has two, from separate trainings: reactive networks, shipped in
+`tasks/experts/`. A task of a package brings its own, see `tasks.base.Task.expert`.
 """
 
 import hashlib

