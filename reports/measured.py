@@ -117,8 +117,9 @@ def _(statement: SizeMatters, results: Results) -> Measured:
 
 def _best_and_worst(method: str, task: str, results: Results) -> Pair:
     """Success (R, N) of the sizes that do best and worst with the other seeds than each."""
-    places = [{"method": method, "task": task, "split": "validation", "size": s} for s in SIZES]
-    found = [one for one in results.paired_success(places) if one is not None]
+    here = {"method": method, "task": task, "split": "validation"}
+    rows = [results.rows.main(size=size, **here) for size in SIZES]
+    found = [one for one in results.episodes.of_selections(rows) if one is not None]
     if len(found) < 2:
         raise NotRunError(f"no two sizes of {display(method)} on {display(task)}")
     success = np.stack(found)
@@ -264,12 +265,13 @@ def _paired(pairs: Sequence[tuple[Setting, Setting]], results: Results) -> list[
 
 def _success(settings: Sequence[Setting], results: Results) -> list[BoolArray]:
     """Success (R, N) of settings of one task, on their common seeds and starts."""
-    found = results.paired_success([_selection(setting) for setting in settings])
+    selected = [results.rows.main(**_selection(setting)) for setting in settings]
+    found = results.episodes.of_selections(selected)
     shown = []
-    for setting, success in zip(settings, found, strict=True):
+    for setting, rows, success in zip(settings, selected, found, strict=True):
         if success is None:
-            there = not results.rows.main(**_selection(setting)).empty
-            raise NotRunError(f"no {'common seed' if there else 'results'} of {setting}")
+            lacking = "results" if rows.empty else "common seed"
+            raise NotRunError(f"no {lacking} of {setting}")
         shown.append(success)
     return shown
 

@@ -187,7 +187,7 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
 def _shares(results: Results, found: pd.DataFrame) -> Shares:
     """Returns the success of each seed [%] (R,) by method and task, of rows on test starts."""
     return {
-        (method, task): 100 * results.paired(mine, ["method"])[method,].mean(axis=1)
+        (method, task): 100 * results.episodes.paired(mine, ["method"])[method,].mean(axis=1)
         for (method, task), mine in found.groupby(["method", "task"])
     }
 

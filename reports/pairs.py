@@ -43,7 +43,7 @@ def pairs_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for left, right in combinations(evaluations.method.unique(), 2):
         both = evaluations[evaluations.method.isin([left, right])]
-        success = results.paired(both, ["method", "task"])
+        success = results.episodes.paired(both, ["method", "task"])
         if success:
             sides = [[success[method, task] for task in tasks] for method in (left, right)]
             rows.append({"left": left, "right": right} | _pair(*sides))

@@ -1,6 +1,5 @@
-"""The results of a run as exhibits see them: their rows, where they come from, and their rates."""
+"""The results of a run as exhibits see them: their rows, episodes, and where they come from."""
 
-from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,24 +9,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from bench.labels import EXPERT, labelled
-from bench.names import CONDITIONS
 from bench.packed import SHIPPED, open_results
 from bench.source import Source
 from methods.base import Parameters
+from reports.episodes import Episodes
 from reports.mixed import MARK, MixedProtocols
-from reports.pairing import common, keep_common
 from reports.protocol import differences
 from reports.reference import WithShippedMethods
 from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.rows import Rows
-from reports.seed_statistics import rate
 from reports.style import METHODS, display, ordered
-from tasks.data import BoolArray
 from tasks.errors import InputError
 from tasks.registry import EXPERTS, FIRST, TASKS
 
-RATE = ("value", "spread", "low", "high", "basis", "seeds", "n")
-"""Columns of a success rate in tables."""
 SPLITS = ("test", "ood")
 """The splits on which methods are compared: in and out of distribution."""
 
@@ -79,6 +73,11 @@ class Results:
     def rows(self) -> Rows:
         """Selects rows of the `frame`."""
         return Rows(self.frame)
+
+    @cached_property
+    def episodes(self) -> Episodes:
+        """Success of episodes of rows of the `frame`."""
+        return Episodes(self.outcomes)
 
     @cached_property
     def experts(self) -> list[str]:
@@ -196,88 +195,3 @@ class Results:
     def readings(self, row: dict[str, Any]) -> NDArray[np.float32] | None:
         """Returns the readings (B, T-1) of a row of the frame. None if they are not stored."""
         return self.source.readings(row)
-
-    def success(self, **values: object) -> BoolArray | None:
-        """Returns success (R, N) of each seed from each of its own starts, for rows of `main`.
-
-        The starts are the first ones of a seed, as many as all seeds have. None without rows.
-        """
-        return self.paired_success([values])[0]
-
-    def paired_success(self, selections: Sequence[Mapping[str, object]]) -> list[BoolArray | None]:
-        """Returns `success` of several selections on common seeds, from the same starts of each.
-
-        None for a selection without rows, and for all if the others share no seed.
-        """
-        parts = [self.rows.main(**values).assign(place=i) for i, values in enumerate(selections)]
-        found = self.paired(pd.concat(parts), ["place"])
-        return [found.get((i,)) for i in range(len(parts))]
-
-    def paired(
-        self, evaluations: pd.DataFrame, by: Sequence[str]
-    ) -> dict[tuple[Any, ...], BoolArray]:
-        """Returns success (R, N) of each group of evaluations, on common seeds and starts.
-
-        Row r of all arrays is the same seed, and column i the same start of that seed. Empty if the
-        groups share no seed.
-
-        Args:
-            evaluations: rows of the frame, of one split; a group has one for each seed.
-            by: columns that tell the groups apart.
-        """
-        groups = common(evaluations, by).groupby(list(by), sort=False)
-        return {names: self._episodes(group)[0] for names, group in groups}
-
-    def rates(self, evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-        """Returns success [%] of each group of evaluations, see `reports.seed_statistics.rate`.
-
-        Only common seeds and starts of a task count, see `reports.pairing.keep_common`.
-
-        Columns: those of `by`, ``value`` the mean over seeds, ``spread`` their sample standard
-        deviation, ``low`` and ``high`` the 95% interval, ``basis`` what it speaks of, ``seeds``,
-        ``n`` starts of each seed, ``diverged`` episodes of all seeds.
-        """
-        groups = [name for name in by if name != "task"]
-        rows = []
-        for names, group in keep_common(evaluations, groups).groupby(list(by), sort=False):
-            success, diverged = self._episodes(group)
-            labels = dict(zip(by, names, strict=True))
-            rows.append(labels | rate_facts(success) | {"diverged": int(diverged.sum())})
-        return pd.DataFrame(rows, columns=[*by, *RATE, "diverged"])
-
-    def _episodes(self, evaluations: pd.DataFrame) -> tuple[BoolArray, BoolArray]:
-        """Returns success and divergence (R, N) of the first ``episodes`` of each seed."""
-        rows = evaluations.sort_values("seed")
-        places = zip(*(rows[name] for name in ("folder", *CONDITIONS)), strict=True)
-        found = [
-            self._stored(place, rows, i)[:, :count]
-            for i, (place, count) in enumerate(zip(places, rows.episodes, strict=True))
-        ]
-        both = np.stack(found)
-        return both[:, 0], both[:, 1]
-
-    def _stored(self, place: tuple[str, ...], rows: pd.DataFrame, i: int) -> BoolArray:
-        """Returns success and divergence (2, N) of row i of the frame, read once.
-
-        Args:
-            place: the row's folder and conditions.
-            rows: some of the frame.
-            i: which of them.
-        """
-        if place not in self._read:
-            found = self.outcomes(rows.iloc[i].to_dict())
-            self._read[place] = found[["success", "diverged"]].to_numpy(bool).T
-        return self._read[place]
-
-    @cached_property
-    def _read(self) -> dict[tuple[str, ...], BoolArray]:
-        """Cache of `_stored`, by folder and conditions."""
-        return {}
-
-
-def rate_facts(outcomes: BoolArray) -> dict[str, Any]:
-    """Returns the columns `RATE` of a table of success [%], given success (R, N)."""
-    found, shares = rate(outcomes), 100 * outcomes.mean(axis=1)
-    spread = float(shares.std(ddof=1)) if found.seeds > 1 else np.nan
-    ends = (100 * found.value, spread, 100 * found.low, 100 * found.high)
-    return dict(zip(RATE, (*ends, found.basis, found.seeds, outcomes.shape[1]), strict=True))

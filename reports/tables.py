@@ -17,8 +17,11 @@ def table_of(rows: Sequence[Mapping[str, object]] = ()) -> pd.DataFrame:
 def success_table(
     results: Results, evaluations: pd.DataFrame, row: str, column: str
 ) -> pd.DataFrame:
-    """Returns success [%], grouped by two columns of the evaluations, see `Results.rates`."""
-    found = results.rates(evaluations, [row, column])
+    """Returns success [%], grouped by two columns of the evaluations.
+
+    See `reports.episodes.Episodes.rates`.
+    """
+    found = results.episodes.rates(evaluations, [row, column])
     return found.rename(columns={row: "row", column: "column"})
 
 

@@ -66,11 +66,8 @@ class Trial:
         theirs = self._others(reference)
         rows = []
         for method in theirs.method.unique() if self.differing_settings(reference).empty else ():
-            found = reference.success(
-                task=self.cell.fit.task, method=method, split="test", seed=self.cell.fit.seed
-            )
-            assert found is not None
-            success = found[:, : len(self.success)]
+            there = reference.episodes.paired(theirs[theirs.method == method], ["method"])
+            success = there[method,][:, : len(self.success)]
             pair = difference(self.success[None, : success.shape[1]], success)
             points = [100 * value for value in (pair.value, pair.low, pair.high)]
             rows.append((*_row(method, success), *points, pair.p))

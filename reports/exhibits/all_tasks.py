@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from reports.episodes import rate_facts
 from reports.exhibit import Exhibit
 from reports.exhibits.success import with_letters
 from reports.pairing import keep_common
 from reports.pairs import pairs_of_table
-from reports.results import SPLITS, Results, rate_facts
+from reports.results import SPLITS, Results
 from reports.style import METHODS
 from reports.tables import in_order, table_of
 from tasks.data import BoolArray
@@ -30,7 +31,7 @@ def table(results: Results) -> pd.DataFrame:
         for statistic in (MEAN, MIDDLE):
             rows = []
             for method, mine in found.groupby("method", sort=False):
-                tasks = [*results.paired(mine, ["task"]).values()]
+                tasks = [*results.episodes.paired(mine, ["task"]).values()]
                 if tasks:
                     episodes = of_seeds(tasks, statistic == MIDDLE)
                     place = {"row": method, "column": f"{split} {statistic}"}

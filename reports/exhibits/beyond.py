@@ -6,10 +6,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from reports.charts import add_legend, dot_single_fits, errors_of
+from reports.episodes import rate_facts
 from reports.exhibit import Exhibit
 from reports.exhibits.all_tasks import of_all_tasks, of_seeds
 from reports.exhibits.success import success_of
-from reports.results import Results, rate_facts
+from reports.results import Results
 from reports.style import INK, METHODS, colour, marker, ordered
 from reports.tables import in_order, table_of
 from tasks.masses import VARIATIONS
@@ -44,7 +45,7 @@ def by_condition(results: Results) -> pd.DataFrame:
     found = of_all_tasks(pd.concat(parts), ["condition", "method"])
     rows = []
     for (name, method), mine in found.groupby(["condition", "method"], sort=False):
-        tasks = [*results.paired(mine, ["task"]).values()]
+        tasks = [*results.episodes.paired(mine, ["task"]).values()]
         if tasks:
             facts = rate_facts(of_seeds(tasks, in_the_middle=False))
             rows.append({"row": method, "column": name} | facts | {"n": tasks[0].shape[1]})

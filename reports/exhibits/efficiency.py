@@ -20,7 +20,7 @@ def table(results: Results) -> pd.DataFrame:
     found = given_in_all(without_expert(results.rows.chosen(split="test")))
     if found.demos.nunique() < 2:
         return table_of()
-    return by_demos(results.rates(found, ["method", "demos", "task"]))
+    return by_demos(results.episodes.rates(found, ["method", "demos", "task"]))
 
 
 def given_in_all(found: pd.DataFrame) -> pd.DataFrame:

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 
 from reports.charts import add_legend, by_row, dot_single_fits, errors_of
 from reports.diagnostics import imitation_error
+from reports.episodes import RATE
 from reports.exhibit import Exhibit
 from reports.exhibits.table_11 import SETS
 from reports.pairing import keep_common
-from reports.results import RATE, Results
+from reports.results import Results
 from reports.style import colour, display
 from reports.tables import table_of
 
@@ -33,7 +34,7 @@ def table(results: Results) -> pd.DataFrame:
     if found.empty:
         return table_of()
     found = keep_common(found, ["variant"])
-    rates = results.rates(found, ["variant", "task"])
+    rates = results.episodes.rates(found, ["variant", "task"])
     parts = []
     for variant, name in SETS.items():
         if variant not in set(found.variant):

@@ -45,7 +45,7 @@ def stored():
 
 
 def test_rates_use_common_seeds_and_starts(stored):
-    table = stored.rates(stored.frame, ["method", "task"]).set_index(["task", "method"])
+    table = stored.episodes.rates(stored.frame, ["method", "task"]).set_index(["task", "method"])
     assert table.n.to_dict() == {
         ("door", "m4"): 100,
         ("door", "m3"): 100,
@@ -59,9 +59,14 @@ def test_rates_use_common_seeds_and_starts(stored):
     assert set(table.loc["tool"].basis) == {"this fit and this controller only"}
 
 
+def chosen(stored, at, *methods):
+    rows = [stored.rows.main(method=method, **at) for method in methods]
+    return stored.episodes.of_selections(rows)
+
+
 def test_two_methods_are_paired_by_seed_and_by_start_of_the_seed(stored):
     at = {"task": "door", "split": "test"}
-    left, right = stored.paired_success([{"method": m, **at} for m in ("m4", "m3")])
+    left, right = chosen(stored, at, "m4", "m3")
     assert left.shape == right.shape == (2, 100)
     for place, seed in enumerate((2, 3)):
         numbers = (np.arange(100) + seed) % 10
@@ -71,15 +76,15 @@ def test_two_methods_are_paired_by_seed_and_by_start_of_the_seed(stored):
 
 def test_rows_of_seeds_in_another_order_are_paired_by_seed(stored):
     at = {"task": "door", "split": "test"}
-    left, right = stored.paired_success([{"method": m, **at} for m in ("m4", "m5")])
+    left, right = chosen(stored, at, "m4", "m5")
     assert left.shape == (2, 500)
     assert (left <= right).all()
 
 
 def test_methods_without_a_common_seed_are_not_paired(stored):
     at = {"task": "tool", "split": "test"}
-    assert stored.paired_success([{"method": m, **at} for m in ("m4", "m3")]) == [None, None]
-    (alone, missing) = stored.paired_success([{"method": m, **at} for m in ("m4", "m5")])
+    assert chosen(stored, at, "m4", "m3") == [None, None]
+    (alone, missing) = chosen(stored, at, "m4", "m5")
     assert alone.shape == (1, 50)
     assert missing is None
 

@@ -14,6 +14,7 @@ from resealed import pack_evaluations
 
 from bench.controller import ControllerConfig
 from bench.experiments import cells_of
+from bench.names import PLAIN
 from bench.results import Results as StoredResults
 from bench.studies import study_of
 from methods.kodex import Kodex
@@ -36,11 +37,14 @@ class Shipped(Results):
 
     def main(self, **values):
         assert values == {"task": "door", "split": "test", "seed": 1}
-        row = asdict(self.cell.fit) | {"controller_key": self.cell.controller.key, "folder": ""}
-        return pd.DataFrame([row | {"method": name} for name in ("expert", *self.rates)])
+        row = asdict(self.cell.fit) | {"controller_key": self.cell.controller.key}
+        row |= PLAIN | {"split": "test", "controller": "original", "episodes": 1000}
+        names = ("expert", *self.rates)
+        return pd.DataFrame([row | {"method": name, "folder": name} for name in names])
 
-    def success(self, *, task, method, split, seed):
-        return generator("hard").random(1000)[None] < self.rates[method]
+    def outcomes(self, row):
+        success = generator("hard").random(1000) < self.rates[row["method"]]
+        return pd.DataFrame({"success": success, "diverged": False})
 
 
 def test_shipped_methods_are_sorted_by_rate_and_compared_on_the_same_starts(task):
@@ -49,7 +53,7 @@ def test_shipped_methods_are_sorted_by_rate_and_compared_on_the_same_starts(task
     )
     (cell,) = cells_of(study, {"door": "key"})
     shipped = Shipped(cell)
-    trial = Trial(cell, shipped.success(task="door", method="kodex", split="test", seed=1)[0, :400])
+    trial = Trial(cell, shipped.outcomes({"method": "kodex"}).success[:400].to_numpy())
     table = trial.compare(shipped)
     assert list(table.method) == ["nn", "kodex", "ndp"]
     ahead, same, behind = table.to_dict("records")

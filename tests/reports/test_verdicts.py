@@ -45,15 +45,18 @@ class Seeds(Results):
     """Results whose success in each setting is given as each seed's share [%]."""
 
     frame = pd.DataFrame()
-    rows = property(lambda self: self)
+    rows = episodes = property(lambda self: self)
 
     def __init__(self, percents):
         """Takes a function from the values of a selection to each seed's share, or None."""
         self.percents = percents
 
-    def paired_success(self, selections):
-        found = [self.percents(values) for values in selections]
-        return [None if one is None else episodes(one) for one in found]
+    def main(self, **values):
+        return pd.DataFrame([] if self.percents(values) is None else [values])
+
+    def of_selections(self, selections):
+        found = [rows.to_dict("records") for rows in selections]
+        return [episodes(self.percents(one[0])) if one else None for one in found]
 
 
 def of(**percents):
@@ -292,7 +295,8 @@ class Kodex(Seeds):
         )
 
     def main(self, **values):
-        keep = [self.frame[name] == value for name, value in values.items()]
+        known = [name for name in values if name in self.frame]
+        keep = [self.frame[name] == values[name] for name in known]
         return self.frame[np.logical_and.reduce(keep)]
 
     def diagnostics(self, folder):
@@ -379,12 +383,16 @@ class Drawn(Results):
     """Results whose success (M, R, N) of methods is given for each task."""
 
     frame = pd.DataFrame()
+    rows = episodes = property(lambda self: self)
 
     def __init__(self, success):
         self.drawn = success
 
-    def paired_success(self, selections):
-        return [self.drawn[one["task"]][METHODS.index(one["method"])] for one in selections]
+    def main(self, *, task, method, **values):
+        return self.drawn[task][METHODS.index(method)]
+
+    def of_selections(self, selections):
+        return selections
 
 
 def test_evidence_names_what_has_no_results():
@@ -406,5 +414,5 @@ class Empty(Seeds):
 
 def test_results_that_cannot_be_read_are_failed():
     results = Empty()
-    results.paired_success = lambda selections: 1 / 0
+    results.of_selections = lambda selections: 1 / 0
     assert verdicts(results).set_index("claim").ours["kodex-robust"] == "failed"
