@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bench.packed import SHIPPED, Packed, is_packed
-from bench.power import detectable_difference, seeds_needed
+from bench.power import detectable_difference, in_points, seeds_needed
 from bench.presets import Study
 from bench.spread import FEWEST, Spread, spread_over_seeds
 from tasks.words import count_of
@@ -102,14 +102,18 @@ def _smallest(power: StudyPower) -> str:
     least = power.overall.difference
     if least is None:
         return "one seed cannot show that two methods differ"
+    about = "" if least > 100 else f" {_about(power)}"
     text = (
         f"the smallest difference of two methods that {count_of(power.seeds, 'seed')} show is"
-        f" {_about(power)} {least:.1f} points (in 80% of studies, at 5%)"
+        f"{about} {in_points(least)} points (in 80% of studies, at 5%)"
     )
     low, high = _ends(power)
     if low == high:
         return text
-    ends = (f"{power.tasks[task].difference:.1f} on {task}" for task in (low, high))
+    ends = (
+        f"{in_points(detectable_difference(power.tasks[task].deviation, power.seeds))} on {task}"
+        for task in (low, high)
+    )
     return f"{text}, from {' to '.join(ends)}"
 
 

@@ -48,6 +48,11 @@ def detectable_difference(deviation: float, seeds: int) -> float:
     return float(brentq(lambda size: power(size, deviation, seeds) - POWER, 0, 20 * deviation))
 
 
+def in_points(difference: float) -> str:
+    """Returns a difference in points as text; two methods cannot differ by more than 100."""
+    return "more than 100" if difference > 100 else f"{difference:.1f}"
+
+
 def pooled(deviations: Iterable[float]) -> float:
     """Returns the root mean square of the standard deviations of several pairs of methods.
 

@@ -6,6 +6,7 @@ import pandas as pd
 
 from bench.doing import say
 from bench.labels import labels_of
+from bench.power import in_points
 from reports.exhibit import MARK
 from reports.pairing import keep_common
 from reports.pairs import pairs_of
@@ -84,7 +85,7 @@ def as_text(table: pd.DataFrame, suffixes: Mapping[str, str]) -> str:
             ],
             "p": table.p.map("{:.2g}".format),
             "p_holm": table.p_holm.map("{:.2g}".format),
-            "detectable": table.detectable.map("{:.1f}".format).replace("nan", "-"),
+            "detectable": table.detectable.map(in_points).replace("nan", "-"),
             "seeds": table.seeds,
             "starts of each": table.n,
         }

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bench.power import in_points
 from reports.charts import bars
 from reports.remarks import Remark
 from reports.results import Results
@@ -100,7 +101,9 @@ class Exhibit:
                 "What difference could have been missed is unknown: these seeds do not show how"
                 " they vary."
             )
-        points = [f"{self.display(row.column)} {row.detectable:.1f}" for row in known.itertuples()]
+        points = [
+            f"{self.display(row.column)} {in_points(row.detectable)}" for row in known.itertuples()
+        ]
         return (
             "Smallest true difference that these seeds find in 80% of studies, of two methods that"
             f" vary as these do, without correction [points]: {', '.join(points)}."

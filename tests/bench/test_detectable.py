@@ -106,6 +106,13 @@ def test_the_smallest_difference_and_the_seeds_it_takes_are_those_of_statsmodels
             assert found[0] < 0.8 <= found[1]
 
 
+def test_a_plan_does_not_promise_to_show_more_than_all_points(ship):
+    ship(known_rates()[0])
+    power = power_of(replace(STUDY, seeds=(1, 2)))
+    vague = replace(power.overall, difference=120.0)
+    assert "2 seeds show is more than 100 points (" in told(replace(power, overall=vague))[0]
+
+
 @pytest.mark.parametrize(
     "changes",
     [

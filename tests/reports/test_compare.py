@@ -118,6 +118,11 @@ def test_compare_refuses_methods_without_a_common_seed():
         compare(results, ["kodex", "nn"])
 
 
+def test_a_difference_that_no_seeds_could_show_is_not_given_as_a_number():
+    table = SUCCESS.table(Rates()).assign(detectable=193.0)
+    assert SUCCESS.caption(table).endswith("[points]: Door more than 100.")
+
+
 def test_table_of_a_study_worked_by_hand_has_its_letters_and_smallest_difference():
     """The study of three methods and five seeds of test_seed_statistics, seen in the table.
 
