@@ -73,7 +73,7 @@ ABOUT = {
         measures="Success when the hand starts off, the object lies elsewhere, something pushes,"
         " sensors have errors, or actions arrive late.",
         varies="Task, method, seed, disturbance and its strength. The expert meets the same.",
-        own=("disturbed", "beyond_conditions"),
+        own=("disturbed", "beyond_conditions", "behind_expert"),
     ),
     "closed_loop": About(
         measures="Success of methods that predict their motion anew from the present state on the"

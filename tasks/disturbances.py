@@ -51,6 +51,8 @@ KINDS = {
 }
 """Normal errors are independent, with the strength as their standard deviation. A push comes at a
 random step of the first half of an episode."""
+TOGETHER = "joints_off_0.05+late_1"
+"""The disturbances that the experiment ``disturbed`` tries together."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +121,13 @@ def _parsed(part: str, name: str) -> Disturbance:
 
 def names_of(task: Task) -> list[str]:
     """Returns the names of the disturbances that the experiment ``disturbed`` tries on a task."""
-    return [
+    alone = [
         Disturbance(kind, strength).name
         for kind, about in KINDS.items()
         if _possible(kind, task)
         for strength in about.strengths
     ]
+    return [*alone, TOGETHER]
 
 
 def _possible(kind: str, task: Task) -> bool:

@@ -13,6 +13,7 @@ from reports.exhibits.success import success_of
 from reports.results import Results
 from reports.style import INK, METHODS, colour, marker, ordered
 from reports.tables import in_order, table_of
+from tasks.disturbances import TOGETHER
 from tasks.masses import VARIATIONS
 
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -21,7 +22,14 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     **{physics: {"physics": physics} for physics in VARIATIONS},
     **{
         name: {"disturbance": name}
-        for name in ("joints_off_0.05", "joints_off_0.15", "hand_push_4", "noise_0.03", "late_1")
+        for name in (
+            "joints_off_0.05",
+            "joints_off_0.15",
+            "hand_push_4",
+            "noise_0.03",
+            "late_1",
+            TOGETHER,
+        )
     },
 }
 """Those of an evaluation from test starts, where nothing else is said."""

@@ -14,6 +14,7 @@ from bench.experiments import cells_of
 from bench.names import CONDITIONS
 from bench.presets import get_preset
 from methods.nn import NN
+from methods.registry import SUITE
 from reports.exhibit import Exhibit
 from reports.exhibits import EXHIBITS
 from reports.exhibits.starts import OUTCOMES
@@ -23,6 +24,7 @@ from reports.seed_statistics import ONE_SEED, OVER_SEEDS
 from reports.style import colour
 from reports.write import write_report
 from tasks.data import generator
+from tasks.disturbances import TOGETHER
 from tasks.registry import EXPERTS, TASKS, get_task
 
 NEEDS_FITS = "motions"
@@ -430,6 +432,18 @@ def test_a_report_shows_the_size_that_validation_starts_choose(results):
     others = more.frame.query("method != 'nn'")
     more.frame = pd.concat([others, validated, *parts], ignore_index=True)
     assert set(more.rows.main(split="test", method="nn", task="door")["size"]) == {best}
+
+
+def test_methods_are_compared_with_the_expert_on_its_own_starts(results):
+    table = BY_NAME["behind_expert"].table(results)
+    assert len(table) == 4 * (len(SUITE) + 3 * 3)
+    at = {"task": "door", "split": "test", "disturbance": TOGETHER}
+    shown = table.set_index(["row", "column"]).value
+    for row, method, replan in (("nn every_5", "nn", 5), ("flow", "flow", 0)):
+        mine = results.rows.main(method=method, replan=replan, **at)
+        experts = results.rows.main(method="expert", **at)
+        rates = [results.episodes.rates(one, ["method"]).value[0] for one in (mine, experts)]
+        assert shown[row, "door"] == pytest.approx(rates[0] - rates[1])
 
 
 def test_points_of_replanning_stand_above_their_intervals():

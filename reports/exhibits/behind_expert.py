@@ -1,0 +1,54 @@
+"""How far methods stay behind the expert when the hand starts off and actions are late."""
+
+import pandas as pd
+
+from bench.labels import EXPERT
+from reports.exhibit import Exhibit
+from reports.exhibits.closed_loop import EVERY
+from reports.pairs import pairs_of
+from reports.results import Results
+from reports.style import METHODS
+from reports.tables import in_order, table_of
+from tasks.disturbances import TOGETHER
+
+COLUMNS = {"left": "row", "task": "column", "difference": "value"}
+"""Those of a pair, and what they are in the table."""
+
+
+def table(results: Results) -> pd.DataFrame:
+    """Returns a row for each method, as it is and predicting anew, and a column for each task.
+
+    Only values of two or more seeds are shown.
+    """
+    replans = sorted(results.frame.replan.unique(), key=lambda replan: (replan > 0, -replan))
+    conditions = {"split": "test", "disturbance": TOGETHER}
+    found = pd.concat(results.rows.of_all(replan=replan, **conditions) for replan in replans)
+    if found.empty:
+        return table_of()
+    often = found.replan.map(lambda replan: f" {EVERY}{replan}" if replan else "")
+    found = found.assign(method=found.method + often)
+    learnt, experts = found[found.method != EXPERT], found[found.method == EXPERT]
+    pairs = [
+        pairs_of(results, pd.concat([mine, experts[experts.task == task]])).assign(task=task)
+        for (task, _), mine in learnt.groupby(["task", "method"])
+    ]
+    several = [one[one.seeds > 1] for one in pairs if (one.seeds > 1).any()]
+    if not several:
+        return table_of()
+    shown = pd.concat(several).rename(columns=COLUMNS)
+    rows = [f"{method} {EVERY}{k}" if k else method for method in METHODS for k in replans]
+    return in_order(shown[["row", "column", "value", "low", "high", "seeds", "n"]], rows)
+
+
+EXHIBIT = Exhibit(
+    name="behind_expert",
+    title="Behind the expert, disturbed",
+    about="Success on test starts minus that of the expert [points], with joints 0.05 rad off at"
+    " the start and actions one control step late; of methods as they are, and predicting anew"
+    " every so many control steps. Brackets: 95% intervals of the difference over seeds"
+    " (Student's t).",
+    table=table,
+    part="robustness",
+    unit="points",
+    axis="",
+)
