@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bench.packed import SHIPPED, Packed, is_packed
-from bench.power import detectable_difference, in_points, seeds_needed
+from bench.power import MOST, detectable_difference, in_points, seeds_needed
 from bench.presets import Study
 from bench.spread import FEWEST, Spread, spread_over_seeds
 from tasks.words import count_of
@@ -102,7 +102,7 @@ def _smallest(power: StudyPower) -> str:
     least = power.overall.difference
     if least is None:
         return "one seed cannot show that two methods differ"
-    about = "" if least > 100 else f" {_about(power)}"
+    about = "" if least > MOST else f" {_about(power)}"
     text = (
         f"the smallest difference of two methods that {count_of(power.seeds, 'seed')} show is"
         f"{about} {in_points(least)} points (in 80% of studies, at 5%)"
@@ -111,8 +111,9 @@ def _smallest(power: StudyPower) -> str:
     if low == high:
         return text
     ends = (
-        f"{in_points(detectable_difference(power.tasks[task].deviation, power.seeds))} on {task}"
+        f"{in_points(points)} on {task}"
         for task in (low, high)
+        if (points := power.tasks[task].difference)
     )
     return f"{text}, from {' to '.join(ends)}"
 

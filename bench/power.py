@@ -11,6 +11,8 @@ from tasks.errors import InputError
 
 POWER = 0.8
 LEVEL = 0.05
+MOST = 100
+"""Points by which two methods can differ at most."""
 
 
 def power(difference: float, deviation: float, seeds: int) -> float:
@@ -49,8 +51,8 @@ def detectable_difference(deviation: float, seeds: int) -> float:
 
 
 def in_points(difference: float) -> str:
-    """Returns a difference in points as text; two methods cannot differ by more than 100."""
-    return "more than 100" if difference > 100 else f"{difference:.1f}"
+    """Returns a difference in points as text, without a number if it is above `MOST`."""
+    return f"more than {MOST}" if difference > MOST else f"{difference:.1f}"
 
 
 def pooled(deviations: Iterable[float]) -> float:

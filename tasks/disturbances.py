@@ -121,12 +121,12 @@ def _parsed(part: str, name: str) -> Disturbance:
 
 def names_of(task: Task) -> list[str]:
     """Returns the names of the disturbances that the experiment ``disturbed`` tries on a task."""
-    alone = [
-        Disturbance(kind, strength).name
-        for kind, about in KINDS.items()
-        if _possible(kind, task)
-        for strength in about.strengths
-    ]
+    return [name for name in all_names() if _possible(name, task)]
+
+
+def all_names() -> list[str]:
+    """Returns the names of the disturbances that the experiment ``disturbed`` tries on any task."""
+    alone = [Disturbance(kind, s).name for kind, about in KINDS.items() for s in about.strengths]
     return [*alone, TOGETHER]
 
 

@@ -8,7 +8,7 @@ from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
-from tasks.disturbances import KINDS, TOGETHER, UNDISTURBED, Disturbance
+from tasks.disturbances import KINDS, UNDISTURBED, all_names
 from tasks.registry import TASKS
 
 AXES = {
@@ -23,8 +23,7 @@ AXES = {
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and disturbance, and a column for each task."""
-    alone = [Disturbance(k, s).name for k, kind in KINDS.items() for s in kind.strengths]
-    names = [*alone, TOGETHER]
+    names = all_names()
     parts = [results.rows.of_all(split="test", disturbance=name) for name in names]
     if all(part.empty for part in parts):
         return table_of()
