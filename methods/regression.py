@@ -15,6 +15,7 @@ import scipy.linalg
 from threadpoolctl import threadpool_limits
 
 from methods.base import MotionMethod, NotFittedError, Parameters, check_above
+from methods.scale import Scale
 from tasks.data import Demos, FloatArray, IntArray
 from tasks.errors import InputError
 
@@ -31,7 +32,8 @@ class RegressionConfig:
     """
 
     degree: int = 2
-    """The highest degree that is tried. The one with the lowest validation error is kept."""
+    """The highest degree that is tried. The one with the lowest validation error, of standardised
+    states, is kept."""
     ridge: float = 1e-4
     """Weight of the squared coefficients, for each demonstration."""
 
@@ -45,6 +47,7 @@ class Regression(MotionMethod):
     """x(2..T) = mean + coefficients times monomials of x(1)."""
 
     name = "regression"
+    version = 2
     summary = "ridge regression from the start to the whole motion"
     sizes: ClassVar[Mapping[str, RegressionConfig]] = {"single": RegressionConfig()}
     default_size: ClassVar[Mapping[str, str]] = {}
@@ -54,12 +57,13 @@ class Regression(MotionMethod):
 
     def fit(self, demos: Demos, validation: Demos, seed: int) -> None:
         """Keeps the degree with the lowest validation error. The seed has no effect."""
-        errors = []
+        scale, errors = Scale.of(demos.states, standardise=True), []
+        wanted = scale.apply(validation.states)
         fits = [self._solve(demos, degree) for degree in range(1, self.config.degree + 1)]
         for arrays in fits:
             self._arrays = arrays
             predicted = self.rollout(validation.states[:, 0], validation.states.shape[1] - 1)
-            errors.append(np.square(predicted - validation.states).mean())
+            errors.append(np.square(scale.apply(predicted) - wanted).mean())
         self._arrays = fits[int(np.argmin(errors))]
 
     def parameters(self) -> Parameters:
