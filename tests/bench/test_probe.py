@@ -71,7 +71,7 @@ REPEATABLE = [
 ]
 
 
-SHORT_OF_THE_RULE = {("door", "second"), ("reorientation", "second")}
+SHORT_OF_THE_RULE = {("door", "first"), ("reorientation", "first")}
 """Experts that are shipped although they miss the rule, see docs/protocol.md."""
 
 
