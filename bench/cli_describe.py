@@ -65,11 +65,12 @@ def _print_task(facts: dict[str, Any]) -> None:
     print(f"T = {facts['horizon']} states, 10 ms (one control step) apart")
     print("H = {robot_dim} joints, O = {object_dim}, A = {action_dim} actuators".format(**facts))
     print(f"success: {facts['success']}")
-    print(f"experts: {', '.join(facts['experts']) or 'none'}")
     print(f"model: {facts['model_file']}, SHA-256 {facts['model_hash']}\n")
     _print_table("state x = [x_r, x_o]", facts["components"])
     _print_table("what the success rule reads", [facts["reading"]])
     _print_table("starts, drawn uniformly", _start_rows(facts))
+    title = "experts, success in per cent (docs/protocol.md)" if facts["experts"] else "no expert"
+    _print_table(title, _expert_rows(facts))
     changes = facts["physics"].items()
     if len(changes) > 1:
         _print_table("physics", [{"name": name, **(change or {})} for name, change in changes])
@@ -149,6 +150,24 @@ def _start_rows(facts: dict[str, Any]) -> list[dict[str, str]]:
                 low, high = box[start["name"]]
                 row[f"{start['name']} [{start['unit']}]"] = f"{low:g} to {high:g}"
             rows.append(row)
+    return rows
+
+
+def _expert_rows(facts: dict[str, Any]) -> list[dict[str, str]]:
+    verdicts = {None: "not judged", True: "missed", False: "kept"}
+    rows = []
+    for card in facts["experts"]:
+        shares = {name: card[name] for name in ("probe", "ood", "tracked", "kodex")}
+        faults, steps = card["faults"], card["steps"]
+        rows.append(
+            {
+                "name": card["name"],
+                "seed": str(card["seed"] or ""),
+                "steps": f"{steps / 1e6:.1f}M" if steps else "",
+                **{name: "" if v is None else f"{100 * v:.1f}" for name, v in shares.items()},
+                "rule": verdicts[None if faults is None else bool(faults)],
+            }
+        )
     return rows
 
 

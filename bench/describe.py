@@ -7,7 +7,7 @@ from typing import Any
 from tasks.base import SPLITS, Task
 from tasks.components import Range
 from tasks.errors import InputError, reason_of
-from tasks.experts import experts_of
+from tasks.experts import experts_of, load_expert
 from tasks.masses import NOMINAL
 from tasks.registry import TASKS, get_task, task_names, unknown_task, unusable_tasks
 
@@ -64,9 +64,24 @@ def _task(name: str) -> dict[str, Any]:
         "reading": asdict(task.reading),
         "success": task.rule,
         "physics": {NOMINAL: None} | {name: asdict(c) for name, c in task.changes.items()},
-        "experts": list(experts_of(task)),
+        "experts": [_expert(task, name) for name in experts_of(task)],
         "model_file": task.model_file,
         "model_hash": task.model_hash,
+    }
+
+
+def _expert(task: Task, name: str) -> dict[str, Any]:
+    """What the card of an expert says, see `bench.probe`; None for what it does not say."""
+    card = load_expert(task, name).card
+    shares = {s: n["successes"] / card["episodes"] for s, n in card.get("success", {}).items()}
+    judged = card.get("imitation", {})
+    return {
+        "name": name,
+        "seed": card.get("seed"),
+        "steps": card.get("steps"),
+        **{split: shares.get(split) for split in ("probe", "ood")},
+        **{probe: judged.get(probe) for probe in ("tracked", "kodex")},
+        "faults": card.get("faults"),
     }
 
 

@@ -88,8 +88,8 @@ class StudyOptions:
     expert: Annotated[
         str | None,
         typer.Option(
-            help="Which of a task's experts demonstrates: first or second. They come from the same"
-            " recipe, with other seeds. Default: first; `bench describe TASK` lists them."
+            help="Which of a task's experts demonstrates: first or second, of separate"
+            " trainings. Default: first; `bench describe TASK` lists them."
         ),
     ] = None
     demos: Annotated[

@@ -1,4 +1,5 @@
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,6 +17,7 @@ from bench.results_writer import ResultsWriter
 from bench.study_demos import demos_keys_of
 from reports.exhibits import EXHIBITS
 from reports.write import Report
+from tasks.experts import load_expert
 from tasks.masses import VARIATIONS
 from tasks.registry import TASKS, get_task
 
@@ -71,6 +73,18 @@ def test_describe_prints_readable_text(bench, task):
     # Names are not cut on a narrow terminal.
     for expected in ("state x = [x_r, x_o]", task.rule, task.model_hash, "THJ0", *task.physics):
         assert expected in out
+
+
+def test_describe_says_how_good_each_expert_of_a_task_is(bench):
+    facts = json.loads(bench("describe", "door", "--json")[1])
+    card = load_expert(get_task("door")).card
+    first, second = facts["experts"]
+    assert (first["name"], first["seed"], second["name"]) == ("first", card["seed"], "second")
+    assert first["probe"] == card["success"]["probe"]["successes"] / card["episodes"]
+    assert (first["tracked"], first["faults"]) == (card["imitation"]["tracked"], card["faults"])
+    row = re.search(r"first .*", bench("describe", "door")[1])[0]
+    assert f"{100 * card['imitation']['kodex']:.1f}" in row
+    assert ("missed" in row) == bool(card["faults"])
 
 
 def test_describe_gives_the_sizes_and_variants_of_a_method(bench):

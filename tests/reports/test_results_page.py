@@ -1,0 +1,52 @@
+"""Numbers of docs/results.md, found again from the shipped files with pandas alone."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/results.md").read_text()
+EVALUATIONS = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet")
+TASKS = ["tool", "door", "relocation", "reorientation"]
+
+
+def success(split: str) -> pd.Series:
+    """The success in per cent by method, task and seed."""
+    rows = EVALUATIONS[EVALUATIONS["split"] == split]
+    rate = 100 * rows["successes"] / rows["episodes"]
+    return rate.groupby([rows["method"], rows["task"], rows["seed"]]).first()
+
+
+def table(below: str) -> dict[str, list[str]]:
+    """The cells of the first table below a line of the page, by the name of the row."""
+    lines = re.search(r"(?:^\|.*\n)+", PAGE[PAGE.index(below) :], re.MULTILINE)[0].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    return {name.lower(): cells for name, *cells in rows}
+
+
+@pytest.mark.parametrize(("split", "name"), [("test", "success"), ("ood", "figure_5")])
+def test_means_and_deviations_of_each_task(split, name):
+    found, shown = success(split), table(f"<!-- {name} -->")
+    assert len(shown) == 8
+    for method, cells in shown.items():
+        for task, cell in zip(TASKS, cells, strict=True):
+            rates = found[method][task]
+            assert cell.startswith(f"{rates.mean():.1f} ± {rates.std():.1f} "), (method, task)
+
+
+def test_means_over_tasks():
+    for split, column in (("test", 0), ("ood", 2)):
+        rates = success(split).groupby(["method", "seed"]).mean().groupby("method")
+        for method, cells in table("<!-- all_tasks -->").items():
+            expected = f"{rates.mean()[method]:.1f} ± {rates.std()[method]:.1f} "
+            assert cells[column].startswith(expected), (method, split)
+
+
+def test_the_success_of_each_seed():
+    found = success("test")
+    for method, cells in table("## How much seeds vary").items():
+        for task, cell in zip(TASKS, cells, strict=True):
+            rates = [f"{rate:.1f}".removesuffix(".0") for rate in found[method][task]]
+            assert [one.removesuffix(".0") for one in cell.split(", ")] == rates, (method, task)
