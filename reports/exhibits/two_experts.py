@@ -59,11 +59,14 @@ EXHIBITS = tuple(
     Exhibit(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
-        about=f"Success [%] {place}, of methods that learnt from the demonstrations of a task's"
+        about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
         " first or second expert. The two come from separate trainings, whose settings may differ.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,
     )
-    for split, place in (("test", "test starts"), ("ood", "out of distribution"))
+    for split, place, starts in (
+        ("test", "test starts", "from test starts"),
+        ("ood", "out of distribution", "out of distribution"),
+    )
 )
