@@ -154,18 +154,18 @@ def _start_rows(facts: dict[str, Any]) -> list[dict[str, str]]:
 
 
 def _expert_rows(facts: dict[str, Any]) -> list[dict[str, str]]:
-    verdicts = {None: "not judged", True: "missed", False: "kept"}
     rows = []
     for card in facts["experts"]:
         shares = {name: card[name] for name in ("probe", "ood", "tracked", "kodex")}
         faults, steps = card["faults"], card["steps"]
+        judged = "missed" if faults else "kept"
         rows.append(
             {
                 "name": card["name"],
                 "seed": str(card["seed"] or ""),
                 "steps": f"{steps / 1e6:.1f}M" if steps else "",
                 **{name: "" if v is None else f"{100 * v:.1f}" for name, v in shares.items()},
-                "rule": verdicts[None if faults is None else bool(faults)],
+                "rule": "not judged" if faults is None else judged,
             }
         )
     return rows
