@@ -35,14 +35,14 @@ ABOUT = {
         paper=("table_6",),
         own=(
             *("success", "all_tasks", "starts", "success_over_time", "motions", "beyond"),
-            *("two_experts_test", "times"),
+            *("two_experts_test", "expert_change_test", "times"),
         ),
     ),
     "ood": About(
         measures="Success from starts outside the ranges of the training distribution.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("figure_5",),
-        own=("all_tasks", "starts", "two_experts_ood"),
+        own=("all_tasks", "starts", "two_experts_ood", "expert_change_ood"),
     ),
     "robustness": About(
         measures="Success with other masses of the hand or the object (appendix I).",

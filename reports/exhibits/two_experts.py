@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from reports.charts import add_legend, add_line, task_panels
 from reports.exhibit import Exhibit
 from reports.pairing import keep_common
+from reports.pairs import pairs_of
 from reports.results import Results
 from reports.style import METHODS, ordered
 from reports.tables import in_order, success_table, table_of
@@ -20,21 +21,48 @@ BESIDE = 0.06
 def by_expert(results: Results, split: str) -> pd.DataFrame:
     """Returns a row for each method under each expert, and a column for each task.
 
-    Only methods and tasks with results under both experts are shown, on common seeds and starts.
+    See `of_both` for which methods and tasks.
+    """
+    rows = of_both(results, split)
+    if rows.empty:
+        return table_of()
+    parts = []
+    for name in EXPERTS:
+        mine = rows[rows.expert == name]
+        found = success_table(results.taught_by(name), mine, "method", "task")
+        parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
+    order = [f"{method} {name}" for method in METHODS for name in EXPERTS]
+    return in_order(pd.concat(parts), order)
+
+
+def change(results: Results, split: str) -> pd.DataFrame:
+    """Returns success under the second expert minus under the first, by method and task [points].
+
+    See `of_both` for which methods and tasks. Only values of two or more seeds are shown.
+    """
+    rows = of_both(results, split)
+    if rows.empty:
+        return table_of()
+    latest_first = rows.sort_values("expert", key=lambda names: -names.map(EXPERTS.index))
+    changes = [
+        pairs_of(results, both.assign(method=both.expert)).assign(row=method, column=task)
+        for (method, task), both in latest_first.groupby(["method", "task"])
+    ]
+    table = pd.concat(changes).rename(columns={"difference": "value"})
+    shown = table.loc[table.seeds > 1, ["row", "column", "value", "low", "high", "seeds", "n"]]
+    return in_order(shown, METHODS)
+
+
+def of_both(results: Results, split: str) -> pd.DataFrame:
+    """Returns the evaluations of methods and tasks under both experts.
+
+    They are cut to common seeds and starts.
     """
     if set(results.experts) != set(EXPERTS):
-        return table_of()
-    taught = {name: results.taught_by(name) for name in EXPERTS}
-    rows = pd.concat(one.rows.of_all(split=split) for one in taught.values())
-    common = keep_common(rows, ["expert", "method"])
-    parts = []
-    for name, one in taught.items():
-        found = success_table(one, common[common.expert == name], "method", "task")
-        parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
-    table = pd.concat(parts)
-    both = table.groupby(["method", "column"]).expert.transform("nunique") == len(EXPERTS)
-    order = [f"{method} {name}" for method in METHODS for name in EXPERTS]
-    return in_order(table[both], order)
+        return results.frame[:0]
+    rows = pd.concat(results.taught_by(name).rows.of_all(split=split) for name in EXPERTS)
+    taught = rows.groupby(["method", "task"]).expert.transform("nunique")
+    return keep_common(rows[taught == len(EXPERTS)], ["expert", "method"])
 
 
 def lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
@@ -55,18 +83,37 @@ def lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     return drawing
 
 
-EXHIBITS = tuple(
-    Exhibit(
-        name=f"two_experts_{split}",
-        title=f"Success under each of two experts: {place}",
-        about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert. The two come from separate trainings, whose settings may differ.",
-        table=partial(by_expert, split=split),
-        part="robustness",
-        figure=lines,
-    )
-    for split, place, starts in (
-        ("test", "test starts", "from test starts"),
-        ("ood", "out of distribution", "out of distribution"),
-    )
+PLACES = (
+    ("test", "test starts", "from test starts"),
+    ("ood", "out of distribution", "out of distribution"),
+)
+"""Each split, its name in titles, and in sentences."""
+EXHIBITS = (
+    *(
+        Exhibit(
+            name=f"two_experts_{split}",
+            title=f"Success under each of two experts: {place}",
+            about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a"
+            " task's first or second expert. The two come from separate trainings, whose settings"
+            " may differ.",
+            table=partial(by_expert, split=split),
+            part="robustness",
+            figure=lines,
+        )
+        for split, place, starts in PLACES
+    ),
+    *(
+        Exhibit(
+            name=f"expert_change_{split}",
+            title=f"What the second expert changes: {place}",
+            about=f"Success {starts} under the second expert minus that under the first [points],"
+            " from the same starts of the same seeds. Brackets: 95% intervals of the change over"
+            " seeds (Student's t), not corrected for the number of methods and tasks.",
+            table=partial(change, split=split),
+            part="robustness",
+            unit="points",
+            axis="",
+        )
+        for split, place, starts in PLACES
+    ),
 )

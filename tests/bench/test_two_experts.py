@@ -25,10 +25,10 @@ RUN = ("run", "smoke", "--jobs", "1", "--experiments", "success,ood")
 def run(task, two_shipped, smoke, bench, tmp_path):
     """Runs `smoke` with each expert named; returns the results folder."""
 
-    def of_experts(*names, folder="results"):
+    def of_experts(*names, folder="results", seeds="1"):
         out = tmp_path / folder
         for name in names:
-            code, _, err = bench(*RUN, "--expert", name, "--out", str(out))
+            code, _, err = bench(*RUN, "--expert", name, "--seeds", seeds, "--out", str(out))
             assert code == 0, err
         return out
 
@@ -91,6 +91,18 @@ def test_the_exhibit_has_a_row_for_each_method_under_each_expert(task, run):
     assert two_experts.EXHIBITS[0].draw(table).axes
     alone = Results(run("second", folder="alone"))
     assert two_experts.by_expert(alone, "test").empty
+    assert two_experts.change(alone, "test").empty
+
+
+def test_the_change_is_the_second_experts_success_minus_the_firsts(task, run):
+    out = run("first", "second", seeds="2")
+    rates = two_experts.by_expert(Results(out), "test").set_index("row").value
+    table = two_experts.change(Results(out), "test").set_index("row")
+    assert [*table.index] == ["expert", "kodex"]
+    for method, row in table.iterrows():
+        assert row.value == pytest.approx(rates[f"{method} second"] - rates[f"{method} first"])
+        assert row.low <= row.value <= row.high
+    assert two_experts.change(Results(run("first", "second", folder="single")), "test").empty
 
 
 def test_the_first_lines_of_a_report_name_the_second_expert(task, run, bench, tmp_path):

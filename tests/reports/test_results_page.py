@@ -9,14 +9,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/results.md").read_text()
 EVALUATIONS = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet").query(
-    "expert == 'first' and variant == 'described'"
+    "variant == 'described'"
 )
 TASKS = ["tool", "door", "relocation", "reorientation"]
 
 
 def success(split: str) -> pd.Series:
-    """The success in per cent by method, task and seed."""
-    rows = EVALUATIONS[EVALUATIONS["split"] == split]
+    """The success in per cent by method, task and seed; the first expert taught."""
+    rows = EVALUATIONS.query("split == @split and expert == 'first'")
     rate = 100 * rows["successes"] / rows["episodes"]
     return rate.groupby([rows["method"], rows["task"], rows["seed"]]).first()
 
@@ -60,3 +60,25 @@ def test_the_success_of_each_seed():
         for task, cell in zip(TASKS, cells, strict=True):
             rates = [f"{rate:.1f}".removesuffix(".0") for rate in found[method][task]]
             assert [one.removesuffix(".0") for one in cell.split(", ")] == rates, (method, task)
+
+
+@pytest.mark.parametrize("split", ["test", "ood"])
+def test_what_the_second_expert_changes(split):
+    episodes = pd.read_parquet(ROOT / "reports/reference/episodes.parquet")
+    rows = EVALUATIONS.query("split == @split")
+    rows = rows.assign(common=rows.groupby(["method", "task"])["episodes"].transform("min"))
+    found = episodes.drop(columns="diverged").join(rows, on="evaluation", how="inner")
+    means = (
+        100
+        * found.query("start < common")
+        .groupby(["method", "task", "expert"])["success"]
+        .mean()
+        .unstack()
+    )
+    change = means["second"] - means["first"]
+    shown = table(f"<!-- expert_change_{split} -->")
+    assert len(shown) == 8
+    for method, cells in shown.items():
+        for task, cell in zip(["tool", "door", "reorientation"], cells, strict=True):
+            value = float(cell.split(" ")[0])
+            assert value == pytest.approx(change[method][task], abs=0.05 + 1e-9), (method, task)
