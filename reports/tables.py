@@ -25,6 +25,20 @@ def success_table(
     return found.rename(columns={row: "row", column: "column"})
 
 
+def difference_table(pairs: Sequence[pd.DataFrame], rows: Sequence[str]) -> pd.DataFrame:
+    """Returns the differences of pairs [points], in order; only those of two or more seeds.
+
+    Args:
+        pairs: as `reports.pairs.pairs_of` returns them, with columns ``row`` and ``column``.
+        rows: see `in_order`.
+    """
+    several = [one[one.seeds > 1] for one in pairs if (one.seeds > 1).any()]
+    if not several:
+        return table_of()
+    shown = pd.concat(several).rename(columns={"difference": "value"})
+    return in_order(shown[["row", "column", "value", "low", "high", "seeds", "n"]], rows)
+
+
 def in_order(
     table: pd.DataFrame, rows: Sequence[str], columns: Sequence[str] = TASKS
 ) -> pd.DataFrame:

@@ -8,11 +8,8 @@ from reports.exhibits.closed_loop import EVERY
 from reports.pairs import pairs_of
 from reports.results import Results
 from reports.style import METHODS
-from reports.tables import in_order, table_of
+from reports.tables import difference_table, table_of
 from tasks.disturbances import TOGETHER
-
-COLUMNS = {"left": "row", "task": "column", "difference": "value"}
-"""Those of a pair, and what they are in the table."""
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -29,15 +26,13 @@ def table(results: Results) -> pd.DataFrame:
     found = found.assign(method=found.method + often)
     learnt, experts = found[found.method != EXPERT], found[found.method == EXPERT]
     pairs = [
-        pairs_of(results, pd.concat([mine, experts[experts.task == task]])).assign(task=task)
-        for (task, _), mine in learnt.groupby(["task", "method"])
+        pairs_of(results, pd.concat([mine, experts[experts.task == task]])).assign(
+            row=method, column=task
+        )
+        for (task, method), mine in learnt.groupby(["task", "method"])
     ]
-    several = [one[one.seeds > 1] for one in pairs if (one.seeds > 1).any()]
-    if not several:
-        return table_of()
-    shown = pd.concat(several).rename(columns=COLUMNS)
     rows = [f"{method} {EVERY}{k}" if k else method for method in METHODS for k in replans]
-    return in_order(shown[["row", "column", "value", "low", "high", "seeds", "n"]], rows)
+    return difference_table(pairs, rows)
 
 
 EXHIBIT = Exhibit(

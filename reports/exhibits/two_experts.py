@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from reports.charts import add_legend, add_line, task_panels
 from reports.exhibit import Exhibit
 from reports.pairing import keep_common
-from reports.pairs import pairs_of
 from reports.results import Results
 from reports.style import METHODS, ordered
 from reports.tables import in_order, success_table, table_of
@@ -33,24 +32,6 @@ def by_expert(results: Results, split: str) -> pd.DataFrame:
         parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
     order = [f"{method} {name}" for method in METHODS for name in EXPERTS]
     return in_order(pd.concat(parts), order)
-
-
-def change(results: Results, split: str) -> pd.DataFrame:
-    """Returns success under the second expert minus under the first, by method and task [points].
-
-    See `of_both` for which methods and tasks. Only values of two or more seeds are shown.
-    """
-    rows = of_both(results, split)
-    if rows.empty:
-        return table_of()
-    latest_first = rows.sort_values("expert", key=lambda names: -names.map(EXPERTS.index))
-    changes = [
-        pairs_of(results, both.assign(method=both.expert)).assign(row=method, column=task)
-        for (method, task), both in latest_first.groupby(["method", "task"])
-    ]
-    table = pd.concat(changes).rename(columns={"difference": "value"})
-    shown = table.loc[table.seeds > 1, ["row", "column", "value", "low", "high", "seeds", "n"]]
-    return in_order(shown, METHODS)
 
 
 def of_both(results: Results, split: str) -> pd.DataFrame:
@@ -88,32 +69,15 @@ PLACES = (
     ("ood", "out of distribution", "out of distribution"),
 )
 """Each split, its name in titles, and in sentences."""
-EXHIBITS = (
-    *(
-        Exhibit(
-            name=f"two_experts_{split}",
-            title=f"Success under each of two experts: {place}",
-            about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a"
-            " task's first or second expert. The two come from separate trainings, whose settings"
-            " may differ.",
-            table=partial(by_expert, split=split),
-            part="robustness",
-            figure=lines,
-        )
-        for split, place, starts in PLACES
-    ),
-    *(
-        Exhibit(
-            name=f"expert_change_{split}",
-            title=f"What the second expert changes: {place}",
-            about=f"Success {starts} under the second expert minus that under the first [points],"
-            " from the same starts of the same seeds. Brackets: 95% intervals of the change over"
-            " seeds (Student's t), not corrected for the number of methods and tasks.",
-            table=partial(change, split=split),
-            part="robustness",
-            unit="points",
-            axis="",
-        )
-        for split, place, starts in PLACES
-    ),
+EXHIBITS = tuple(
+    Exhibit(
+        name=f"two_experts_{split}",
+        title=f"Success under each of two experts: {place}",
+        about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
+        " first or second expert. The two come from separate trainings, whose settings may differ.",
+        table=partial(by_expert, split=split),
+        part="robustness",
+        figure=lines,
+    )
+    for split, place, starts in PLACES
 )

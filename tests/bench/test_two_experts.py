@@ -10,7 +10,7 @@ from bench.spec import ControllerSpec
 from bench.studies import study_of
 from bench.training_data import controller_demos
 from methods.kodex import Kodex
-from reports.exhibits import two_experts
+from reports.exhibits import expert_change, two_experts
 from reports.results import Results
 from tasks.demos import demos_key, load_demos, split
 from tasks.errors import InputError
@@ -91,18 +91,18 @@ def test_the_exhibit_has_a_row_for_each_method_under_each_expert(task, run):
     assert two_experts.EXHIBITS[0].draw(table).axes
     alone = Results(run("second", folder="alone"))
     assert two_experts.by_expert(alone, "test").empty
-    assert two_experts.change(alone, "test").empty
+    assert expert_change.table(alone, "test").empty
 
 
 def test_the_change_is_the_second_experts_success_minus_the_firsts(task, run):
     out = run("first", "second", seeds="2")
     rates = two_experts.by_expert(Results(out), "test").set_index("row").value
-    table = two_experts.change(Results(out), "test").set_index("row")
+    table = expert_change.table(Results(out), "test").set_index("row")
     assert [*table.index] == ["expert", "kodex"]
     for method, row in table.iterrows():
         assert row.value == pytest.approx(rates[f"{method} second"] - rates[f"{method} first"])
         assert row.low <= row.value <= row.high
-    assert two_experts.change(Results(run("first", "second", folder="single")), "test").empty
+    assert expert_change.table(Results(run("first", "second", folder="single")), "test").empty
 
 
 def test_the_first_lines_of_a_report_name_the_second_expert(task, run, bench, tmp_path):
