@@ -88,25 +88,33 @@ def clean(command, tmp_path_factory):
 
 
 ORPHAN = ["sleep", "3607"]
+OF_EACH_KIND = (
+    *("exits", "hangs", "import_leaves", "interrupts", "kills", "leaves", "nans", "orphans"),
+    *("patches", "shapes", "swells", "tells", "writes"),
+)
 PLACES = (("loky", 2), ("loky", 1), ("dask", 2))
 
 
 @pytest.mark.parametrize(
-    ("backend", "jobs"),
-    [PLACES[0], *(pytest.param(*place, marks=pytest.mark.long) for place in PLACES[1:])],
+    ("backend", "jobs", "methods"),
+    [
+        (*PLACES[0], OF_EACH_KIND),
+        *(pytest.param(*place, METHODS, marks=pytest.mark.long) for place in PLACES),
+    ],
+    ids=["of each kind", *("-".join(map(str, place)) for place in PLACES)],
 )
 def test_a_misbehaving_method_does_not_affect_others(
-    command, clean, tmp_path, backend, jobs, files_of
+    command, clean, tmp_path, backend, jobs, methods, files_of
 ):
-    out = Path("results", backend, str(jobs))
-    code, said = command(*study(out, "kodex", "nn", *METHODS), "--jobs", jobs, "--backend", backend)
+    out = Path("results", backend, str(jobs), str(len(methods)))
+    code, said = command(*study(out, "kodex", "nn", *methods), "--jobs", jobs, "--backend", backend)
     assert code == 3, said
     out = next(Path(clean.parents[1]).glob(f"hostile*/{out}"))
     beside, alone = files_of(out), files_of(clean)
     assert alone.items() <= beside.items()
     reasons = {one["label"]: one["reason"] for one in Results(out).failures()}
     rows = Results(out).frame().query("split == 'test'").set_index("method")
-    for method in METHODS:
+    for method in methods:
         found = [text for label, text in reasons.items() if method in label.split("-")]
         if method in FAILING:
             assert FAILING[method] in " ".join(found), method
@@ -121,7 +129,7 @@ def test_a_misbehaving_method_does_not_affect_others(
     assert "failed (" in command("status", out)[1]
     assert command("report", out)[0] == 0
     table = pd.read_csv(out / "report/tables/success.csv").set_index("row")
-    assert set(table.index) == {"kodex", "nn", *METHODS} - {*FAILING}
+    assert set(table.index) == {"kodex", "nn", *methods} - {*FAILING}
 
 
 def test_check_survives_misbehaving_methods(command):
