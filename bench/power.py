@@ -1,6 +1,7 @@
 """What a number of seeds can show: the smallest detectable difference of two methods."""
 
 from collections.abc import Iterable
+from functools import cache
 from math import sqrt
 from statistics import fmean
 
@@ -26,14 +27,18 @@ def power(difference: float, deviation: float, seeds: int) -> float:
     Raises:
         InputError: there are fewer seeds, or the deviation is not above 0.
     """
+    _check(deviation, seeds)
+    critical = t.isf(LEVEL / 2, seeds - 1)
+    shift = abs(difference) / deviation * sqrt(seeds)
+    return float(nct.sf(critical, seeds - 1, shift) + nct.sf(critical, seeds - 1, -shift))
+
+
+def _check(deviation: float, seeds: int) -> None:
     if seeds < 2 or not deviation > 0:
         raise InputError(
             "power needs 2 or more seeds and a standard deviation above 0,"
             f" got {seeds} and {deviation:g}"
         )
-    critical = t.isf(LEVEL / 2, seeds - 1)
-    shift = abs(difference) / deviation * sqrt(seeds)
-    return float(nct.sf(critical, seeds - 1, shift) + nct.sf(critical, seeds - 1, -shift))
 
 
 def detectable_difference(deviation: float, seeds: int) -> float:
@@ -46,8 +51,14 @@ def detectable_difference(deviation: float, seeds: int) -> float:
     Raises:
         InputError: see `power`.
     """
-    # In standard deviations: three seeds need 3.3, two need 11.
-    return float(brentq(lambda size: power(size, deviation, seeds) - POWER, 0, 20 * deviation))
+    _check(deviation, seeds)
+    return deviation * _in_deviations(seeds)
+
+
+@cache
+def _in_deviations(seeds: int) -> float:
+    """Returns `detectable_difference` in standard deviations: 3.3 for three seeds, 11 for two."""
+    return float(brentq(lambda size: power(size, 1, seeds) - POWER, 0, 20))
 
 
 def in_points(difference: float) -> str:

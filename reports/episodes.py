@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 
 from bench.names import CONDITIONS
-from reports.pairing import common, keep_common
+from reports.pairing import common_seeds, keep_common
 from reports.seed_statistics import rate
 from tasks.data import BoolArray
 
 RATE = ("value", "spread", "low", "high", "basis", "seeds", "n")
 """Columns of a success rate in tables."""
+Groups = dict[tuple[Any, ...], dict[int, BoolArray]]
+"""Success (N,) of each seed of each group."""
 
 
 class Episodes:
@@ -27,21 +29,25 @@ class Episodes:
         self._stored: dict[tuple[str, ...], BoolArray] = {}
         """Success and divergence (2, N), by folder and conditions of the evaluation."""
 
-    def paired(
-        self, evaluations: pd.DataFrame, by: Sequence[str]
-    ) -> dict[tuple[Any, ...], BoolArray]:
-        """Returns success (R, N) of each group of evaluations, on common seeds and starts.
-
-        Row r of all arrays is the same seed, and column i the same start of that seed: one of its
-        first, as many as all groups have. Empty if the groups share no seed.
+    def by_seed(self, evaluations: pd.DataFrame, by: Sequence[str]) -> Groups:
+        """Returns success (N,) of each seed of each group of evaluations.
 
         Args:
             evaluations: rows of `reports.results.Results.frame`, of one split; a group has one for
                 each seed.
             by: columns that tell the groups apart.
         """
-        groups = common(evaluations, by).groupby(list(by), sort=False)
-        return {names: self._outcomes(group)[0] for names, group in groups}
+        groups = evaluations.groupby(list(by), sort=False)
+        return {
+            names: dict(zip(rows.seed, (both[0] for both in self._outcomes(rows)), strict=True))
+            for names, rows in groups
+        }
+
+    def paired(
+        self, evaluations: pd.DataFrame, by: Sequence[str]
+    ) -> dict[tuple[Any, ...], BoolArray]:
+        """Returns success (R, N) of each group of evaluations, see `by_seed` and `on_common`."""
+        return on_common(self.by_seed(evaluations, by))
 
     def of_selections(self, selections: Sequence[pd.DataFrame]) -> list[BoolArray | None]:
         """Returns success (R, N) of each selection of rows, as `paired` does.
@@ -64,21 +70,18 @@ class Episodes:
         groups = [name for name in by if name != "task"]
         rows = []
         for names, group in keep_common(evaluations, groups).groupby(list(by), sort=False):
-            success, diverged = self._outcomes(group)
+            success, diverged = np.stack(self._outcomes(group.sort_values("seed")), axis=1)
             labels = dict(zip(by, names, strict=True))
             rows.append(labels | rate_facts(success) | {"diverged": int(diverged.sum())})
         return pd.DataFrame(rows, columns=[*by, *RATE, "diverged"])
 
-    def _outcomes(self, evaluations: pd.DataFrame) -> tuple[BoolArray, BoolArray]:
-        """Returns success and divergence (R, N) of the first ``episodes`` of each seed."""
-        rows = evaluations.sort_values("seed")
+    def _outcomes(self, rows: pd.DataFrame) -> list[BoolArray]:
+        """Returns success and divergence (2, N) of the first ``episodes`` of each row."""
         places = zip(*(rows[name] for name in ("folder", *CONDITIONS)), strict=True)
-        found = [
+        return [
             self._of_row(place, rows, i)[:, :count]
             for i, (place, count) in enumerate(zip(places, rows.episodes, strict=True))
         ]
-        both = np.stack(found)
-        return both[:, 0], both[:, 1]
 
     def _of_row(self, place: tuple[str, ...], rows: pd.DataFrame, i: int) -> BoolArray:
         """Returns success and divergence (2, N) of row i, which has that folder and conditions."""
@@ -86,6 +89,21 @@ class Episodes:
             found = self._read(rows.iloc[i].to_dict())
             self._stored[place] = found[["success", "diverged"]].to_numpy(bool).T
         return self._stored[place]
+
+
+def on_common(groups: Groups) -> dict[tuple[Any, ...], BoolArray]:
+    """Returns success (R, N) of each group on common seeds and starts.
+
+    Row r of all arrays is the same seed, and column i the same start of that seed: one of its
+    first, as many as all groups have. Empty if the groups share no seed.
+    """
+    seeds = sorted(common_seeds(map(set, groups.values())))
+    if not seeds:
+        return {}
+    count = min(len(group[seed]) for group in groups.values() for seed in seeds)
+    return {
+        names: np.stack([group[seed][:count] for seed in seeds]) for names, group in groups.items()
+    }
 
 
 def rate_facts(success: BoolArray) -> dict[str, Any]:

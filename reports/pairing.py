@@ -29,10 +29,11 @@ def demos_of_expert(evaluations: pd.DataFrame) -> dict[tuple[str, str], str]:
 def keep_common(
     evaluations: pd.DataFrame, by: Sequence[str] = ("method",), within: Sequence[str] = ("task",)
 ) -> pd.DataFrame:
-    """Returns evaluations cut, within each task, to common seeds and common starts, see `common`.
+    """Returns evaluations cut, within each task, to common seeds and common starts.
 
-    The expert follows the methods. Groups that share fewer than two seeds keep all of theirs: those
-    are shown, and compared only if they are `same_seeds`.
+    ``episodes`` becomes the number of common starts: the first of each seed that all have. The
+    expert follows the methods. Groups that share fewer than two seeds keep all of theirs: those are
+    shown, and compared only if they are `same_seeds`.
 
     Args:
         evaluations: as `bench.source.Source.frame` returns them, of one split.
@@ -49,7 +50,7 @@ def keep_common(
 def _cut(part: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     learnt = without_expert(part)
     deciding = part if learnt.empty else learnt
-    seeds = set(common(deciding, by).seed)
+    seeds = common_seeds(set(group.seed) for _, group in deciding.groupby(list(by)))
     if len(seeds) < FEWEST:
         seeds = set(part.seed)
     shared = part[part.seed.isin(seeds)]
@@ -61,20 +62,6 @@ def same_seeds(evaluations: pd.DataFrame) -> bool:
     learnt = without_expert(evaluations)
     seeds = learnt.groupby(["task", "method"]).seed.agg(frozenset)
     return all(mine.nunique() == 1 for _, mine in seeds.groupby("task"))
-
-
-def common(evaluations: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Returns the evaluations of the seeds that all groups share; none if they share none.
-
-    ``episodes`` is the number of common starts: the first of each seed that all evaluations have.
-
-    Args:
-        evaluations: as `bench.source.Source.frame` returns them.
-        by: columns whose groups must have the same seeds.
-    """
-    seeds = common_seeds(set(group.seed) for _, group in evaluations.groupby(list(by)))
-    found = evaluations[evaluations.seed.isin(seeds)]
-    return found.assign(episodes=found.episodes.min())
 
 
 def common_seeds(groups: Iterable[set[int]]) -> set[int]:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bench.power import detectable_difference, pooled
+from reports.episodes import on_common
 from reports.multiple import compact_letters, holm
 from reports.pairing import same_seeds, without_expert
 from reports.results import Results
@@ -40,11 +41,10 @@ def pairs_of(results: Results, evaluations: pd.DataFrame) -> pd.DataFrame:
         evaluations: of one split, in which all methods have the same tasks.
     """
     tasks = evaluations.task.unique()
-    rows = []
+    rows, groups = [], results.episodes.by_seed(evaluations, ["method", "task"])
     for left, right in combinations(evaluations.method.unique(), 2):
-        both = evaluations[evaluations.method.isin([left, right])]
-        success = results.episodes.paired(both, ["method", "task"])
-        if success:
+        both = {names: group for names, group in groups.items() if names[0] in (left, right)}
+        if success := on_common(both):
             sides = [[success[method, task] for task in tasks] for method in (left, right)]
             rows.append({"left": left, "right": right} | _pair(*sides))
     table = pd.DataFrame(rows, columns=[*COLUMNS])
