@@ -55,7 +55,7 @@ class Evaluated:
 def fit_controllers(
     specs: Sequence[ControllerSpec], demos: Sequence[Demos], start: Sequence[bytes] = ()
 ) -> list[Fitted]:
-    """Returns the weights of controllers that differ only in their seeds.
+    """Returns the weights of controllers that differ only in their seeds and physics.
 
     Args:
         specs: the controllers.

@@ -80,7 +80,7 @@ def fit_cost(fits: Sequence[Fit]) -> Cost:
 
 
 def controller_cost(specs: Sequence[ControllerSpec]) -> Cost:
-    """Returns the cost of a job that trains controllers which differ only in their seeds."""
+    """Returns the cost of a job that trains controllers of one kind together."""
     first, count = specs[0], len(specs)
     price = _price(first.task, CONTROLLER, "", "", count)
     seconds = price.seconds(first.demos, first.config.epochs) if price else 0.0

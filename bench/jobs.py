@@ -25,10 +25,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ControllerJob:
-    """Trains a tracking controller, for one seed or several together."""
+    """Trains a tracking controller, or several together."""
 
     specs: tuple[ControllerSpec, ...]
-    """They differ only in their seeds."""
+    """They differ only in their seeds and physics."""
     cached: bool
     """Whether the controllers are also stored in the cache."""
     kind: ClassVar = "controllers"
@@ -36,8 +36,12 @@ class ControllerJob:
 
     @property
     def label(self) -> str:
-        """A name for people; of several controllers, with all seeds."""
-        return self.specs[0].label + "".join(f",{spec.seed}" for spec in self.specs[1:])
+        """A name for people; of several controllers, with all seeds of each physics."""
+        labels: dict[str, str] = {}
+        for spec in self.specs:
+            known = labels.get(spec.physics)
+            labels[spec.physics] = f"{known},{spec.seed}" if known else spec.label
+        return " ".join(labels.values())
 
     @cached_property
     def makes(self) -> tuple[str, ...]:
@@ -55,7 +59,7 @@ class ControllerJob:
         return controller_cost(self.specs)
 
     def parts(self) -> Sequence["ControllerJob"]:
-        """Returns two jobs of half the seeds each; itself if there is one seed."""
+        """Returns two jobs of half the controllers each; itself if there is one."""
         return [ControllerJob(specs, self.cached) for specs in _halves(self.specs)]
 
     def call(self, results: Results) -> Call:

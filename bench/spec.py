@@ -224,17 +224,26 @@ class ControllerSpec:
         """A readable name, for folders and messages."""
         return controller_label(vars(self))
 
-    def of_seed(self, seed: int) -> "ControllerSpec":
-        """Returns the controller of another seed, which starts from weights of that seed too."""
-        return replace(self, seed=seed, start=self.start and self.start.of_seed(seed))
+
+TOGETHER = 12
+"""A controller then trains in half the time of one of three, and the demonstrations of all are held
+in memory."""
 
 
 def controller_blocks(specs: Iterable[ControllerSpec]) -> list[list[ControllerSpec]]:
-    """Returns the controllers in groups that differ in their seeds only, and train together."""
-    blocks: dict[str, list[ControllerSpec]] = {}
+    """Returns the controllers in groups of at most `TOGETHER`, which train together.
+
+    Those of a group differ only in their seeds and in the physics of the rollouts they learn from.
+    """
+    blocks: dict[tuple[Any, ...], list[ControllerSpec]] = {}
     for spec in specs:
-        blocks.setdefault(spec.of_seed(0).key, []).append(spec)
-    return list(blocks.values())
+        place = (spec.task, spec.kind, spec.config, spec.demos, spec.demos_key, spec.pins)
+        blocks.setdefault(place, []).append(spec)
+    return [
+        block[first : first + TOGETHER]
+        for block in blocks.values()
+        for first in range(0, len(block), TOGETHER)
+    ]
 
 
 @dataclass(frozen=True)

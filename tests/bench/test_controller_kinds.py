@@ -15,6 +15,7 @@ from bench.controller_kinds import (
     UNCLIPPED,
 )
 from bench.experiments import cells_of
+from bench.jobs import ControllerJob
 from bench.presets import PRESETS, get_preset
 from bench.spec import ControllerSpec, controller_blocks
 from bench.study_demos import demos_keys_of
@@ -59,10 +60,16 @@ def test_another_original_controller_changes_the_key_of_what_starts_from_it():
     assert len({replace(FINE, start=start).key for start in starts}) == 3
 
 
-def test_a_fine_tuned_controller_of_another_seed_starts_from_that_seed():
-    assert FINE.of_seed(3).start == replace(SPEC, seed=3)
-    seeds = [FINE.of_seed(seed) for seed in (1, 2, 3)]
-    assert controller_blocks([*seeds, SPEC]) == [seeds, [SPEC]]
+def test_controllers_of_all_seeds_and_physics_train_together_and_others_apart():
+    light = replace(TUNED_SPEC, physics="light_hand")
+    together = [TUNED_SPEC, light, replace(light, seed=2)]
+    others = [FINE, replace(TUNED_SPEC, demos=11)]
+    assert controller_blocks([*together, *others]) == [together, *([one] for one in others)]
+    many = [replace(SPEC, seed=seed) for seed in range(1, 30)]
+    assert controller_blocks(many) == [many[:12], many[12:24], many[24:]]
+    assert ControllerJob(tuple(together), cached=False).label == (
+        "door-tuned-heavy_hand-s1 door-tuned-light_hand-s1,2"
+    )
 
 
 @pytest.mark.parametrize(
