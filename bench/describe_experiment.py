@@ -72,7 +72,8 @@ ABOUT = {
     "disturbed": About(
         measures="Success when the hand starts off, the object lies elsewhere, something pushes,"
         " sensors have errors, or actions arrive late.",
-        varies="Task, method, seed, disturbance and its strength. The expert meets the same.",
+        varies="Task, method, seed, disturbance and its strength. The expert meets the same, but"
+        " for noise, since it reads other quantities.",
         own=("disturbed", "beyond_conditions", "behind_expert"),
     ),
     "closed_loop": About(

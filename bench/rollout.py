@@ -83,7 +83,9 @@ class _Answers:
     """Counts the episodes that diverge because an answer of the method is not finite."""
 
     def __init__(self, call: str) -> None:
-        self._call, self._starts, self._first = call, 0, 0
+        self._call, self._first = call, 0
+        self._episodes = np.zeros(0, bool)
+        """(B,) whether an episode has had such an answer."""
 
     def checked(
         self, acted: FloatArray, answers: FloatArray, simulator: Simulator, t: int
@@ -93,14 +95,13 @@ class _Answers:
         So these episodes diverge: infinite actions would be clipped.
         """
         bad = np.asarray(~np.isfinite(answers).all(axis=1))
-        count = int((bad & simulator.running).sum())  # each is counted once: it then stops
-        if not self._starts:
-            self._first = t
-        self._starts += count
+        now = bad & simulator.running
+        if not self._episodes.any():
+            self._first, self._episodes = t, now
+        self._episodes = self._episodes | now
         return np.where(bad[:, None], np.nan, acted)
 
     def non_finite(self, row: int) -> tuple[NonFinite, ...]:
         """Returns what was counted, for a chunk that begins at that row."""
-        if not self._starts:
-            return ()
-        return (NonFinite(row, self._call, self._starts, self._first),)
+        count = int(self._episodes.sum())
+        return (NonFinite(row, self._call, count, self._first),) if count else ()

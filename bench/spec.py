@@ -25,6 +25,7 @@ from tasks.base import SPLITS
 from tasks.data import key
 from tasks.demos import expert_of
 from tasks.disturbances import UNDISTURBED, find_disturbances
+from tasks.disturbances import VERSION as DISTURBANCES
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL
 from tasks.pins import mark
@@ -165,6 +166,8 @@ class Evaluation:
         # The key of the expert's demonstrations includes the version of MuJoCo; a file's does not.
         if not fit.of_expert:
             rules.append(mujoco.__version__)
+        if self.disturbance != UNDISTURBED:
+            rules.append(f"disturbances {DISTURBANCES}")
         changed = {k: v for k, v in asdict(self).items() if k not in ADDED or v != PLAIN[k]}
         return key("evaluation", fit.key, changed, rules)
 

@@ -74,7 +74,8 @@ class Task(ABC):
     sensors: ClassVar[tuple[str, ...]] = ()
     """The sensors that the observation reads. The model's other sensors are removed."""
     object_slides: ClassVar[tuple[str, ...]] = ()
-    """The joints by which the object moves freely in the plane; none if it does not."""
+    """The joints along which the object moves freely in the horizontal plane. None if it does not,
+    or if the state does not tell where it is, so that no method could answer."""
 
     @property
     def steps(self) -> int:

@@ -15,6 +15,8 @@ from tasks.errors import InputError, unknown_name
 if TYPE_CHECKING:
     from tasks.base import Task
 
+VERSION = 2
+"""To be raised when a change of the code changes what a disturbance does."""
 UNDISTURBED = "none"
 """The name of no disturbance."""
 
@@ -36,16 +38,23 @@ KINDS = {
         "each hinge of the hand starts off by a normal error, within its limits",
     ),
     "object_off": Kind(
-        "m", (0.01, 0.02), "the object starts elsewhere by a normal error in the plane"
+        "m",
+        (0.01, 0.02),
+        "the object starts elsewhere by a normal error in the horizontal plane",
     ),
     "hand_push": Kind(
         "rad/s", (1.0, 4.0), "once, each hinge of the hand gets a normal change of velocity"
     ),
     "object_push": Kind(
-        "m/s", (0.1, 0.4), "once, the object gets a normal change of velocity in the plane"
+        "m/s",
+        (0.1, 0.4),
+        "once, the object gets a normal change of velocity in the horizontal plane",
     ),
     "noise": Kind(
-        "rad, m", (0.01, 0.03), "what the policy and the controller read has a normal error"
+        "own unit",
+        (0.01, 0.03),
+        "what the policy and the controller read has a normal error; the expert, which reads other"
+        " quantities, has errors of its own",
     ),
     "late": Kind("control steps", (1, 2), "actions arrive so many control steps late"),
 }
@@ -73,7 +82,7 @@ def find_disturbances(name: str, task: Task) -> tuple[Disturbance, ...]:
 
     Raises:
         InputError: there is no such kind, the strength is not a number above 0, a kind occurs
-            twice, or the task has no object that is free to move.
+            twice, kinds are not in the order of `KINDS`, or no object of the task can be disturbed.
     """
     if name == UNDISTURBED:
         return ()
@@ -81,9 +90,15 @@ def find_disturbances(name: str, task: Task) -> tuple[Disturbance, ...]:
     kinds = [one.kind for one in found]
     if len(set(kinds)) < len(kinds):
         raise InputError(f"disturbance {name!r} names a kind twice")
+    if kinds != (in_order := [kind for kind in KINDS if kind in kinds]):
+        whole = "+".join(found[kinds.index(kind)].name for kind in in_order)
+        raise InputError(f"disturbance {name!r} is written {whole!r}")
     for kind in kinds:
         if not _possible(kind, task):
-            raise InputError(f"{kind}: the object of {task.name} is not free to move")
+            raise InputError(
+                f"{kind}: the object of {task.name} is not free to move, or its state does not tell"
+                " where it is"
+            )
     return found
 
 

@@ -34,7 +34,6 @@ class Relocation(AdroitTask):
     model_file = "adroit_relocate.xml"
     horizon = 100
     robot_dim = 30
-    object_slides = ("OBJTx", "OBJTy")
 
     # Starts
     start_components = xyz("target", "m", "site_pos target")

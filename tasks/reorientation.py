@@ -36,7 +36,7 @@ class Reorientation(AdroitTask):
     model_file = "adroit_pen.xml"
     horizon = 100
     robot_dim = 24
-    object_slides = ("OBJTx", "OBJTy")
+    object_slides = ("OBJTy", "OBJTz")  # their body is turned
 
     # Starts
     start_components = (

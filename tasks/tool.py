@@ -36,7 +36,7 @@ class Tool(AdroitTask):
     robot_dim = 26
     derived_fields = (*AdroitTask.derived_fields, "xmat", "geom_xpos", "sensordata")
     sensors = ("S_nail",)
-    object_slides = ("OBJTx", "OBJTy")
+    object_slides = ("OBJTx", "OBJTz")  # their body is turned
 
     # Starts
     start_components = (Component("nail_height", "m", "body_pos nail_board, z"),)

@@ -8,7 +8,7 @@ from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
-from tasks.disturbances import KINDS, UNDISTURBED, all_names
+from tasks.disturbances import KINDS, TOGETHER, UNDISTURBED, all_names
 from tasks.registry import TASKS
 
 AXES = {
@@ -27,12 +27,15 @@ def table(results: Results) -> pd.DataFrame:
     parts = [results.rows.of_all(split="test", disturbance=name) for name in names]
     if all(part.empty for part in parts):
         return table_of()
-    found = pd.concat([results.rows.of_all(split="test"), *parts])
+    disturbed = pd.concat(parts)
+    plain = results.rows.of_all(split="test")
+    found = pd.concat([plain[plain.folder.isin(disturbed.folder)], disturbed])
     label = found.method + " " + found.disturbance
     rows = [f"{method} {name}" for method in METHODS for name in (UNDISTURBED, *names)]
     rates = in_order(success_table(results, found.assign(label=label), "label", "task"), rows)
     parts = rates.row.str.rsplit(" ", n=1, expand=True)
-    kinds = parts[1].str.rsplit("_", n=1, expand=True)
+    one = parts[1].where(parts[1] != TOGETHER, "")
+    kinds = one.str.rsplit("_", n=1, expand=True)
     strength = pd.to_numeric(kinds[1]).fillna(0.0)
     return rates.assign(method=parts[0], kind=kinds[0], strength=strength)
 
