@@ -29,7 +29,8 @@ def kth_largest(lower: Sequence[Estimate], upper: Sequence[Estimate], count: int
     """Returns the estimate of the COUNT-th largest of the true values.
 
     At least so many are above the margin if, and only if, this one is. Its ends are the COUNT-th
-    largest of the corrected ends, and its p-value is corrected alike.
+    largest of the corrected ends, and its p-value is corrected alike. Its seeds, and what it speaks
+    of, are those of the estimate with the fewest seeds.
 
     Args:
         lower: of the same margin, with intervals that are corrected for `corrections`' ``low``.
@@ -42,7 +43,8 @@ def kth_largest(lower: Sequence[Estimate], upper: Sequence[Estimate], count: int
     p = np.array([one.p for one in lower])
     up = above * np.sort(np.where(values > margin, p, 1))[count - 1]
     down = below * np.sort(np.where(values < margin, p, 1))[above - 1]
-    return lower[0]._replace(
+    weakest = min(lower, key=lambda one: one.seeds)
+    return weakest._replace(
         value=value,
         low=_largest(np.array([one.low for one in lower]), count),
         high=_largest(np.array([one.high for one in upper]), count),

@@ -265,12 +265,13 @@ def _paired(pairs: Sequence[tuple[Setting, Setting]], results: Results) -> list[
 
 def _success(settings: Sequence[Setting], results: Results) -> list[BoolArray]:
     """Success (R, N) of settings of one task, on their common seeds and starts."""
-    selected = [results.rows.main(**_selection(setting)) for setting in settings]
+    rows = results.rows
+    selected = rows.at_one_size([rows.select(**_selection(setting)) for setting in settings])
     found = results.episodes.of_selections(selected)
     shown = []
-    for setting, rows, success in zip(settings, selected, found, strict=True):
+    for setting, part, success in zip(settings, selected, found, strict=True):
         if success is None:
-            lacking = "results" if rows.empty else "common seed"
+            lacking = "results" if part.empty else "common seed"
             raise NotRunError(f"no {lacking} of {setting}")
         shown.append(success)
     return shown

@@ -32,8 +32,8 @@ def keep_common(
     """Returns evaluations cut, within each task, to common seeds and common starts.
 
     ``episodes`` becomes the number of common starts: the first of each seed that all have. The
-    expert follows the methods. Groups that share fewer than two seeds keep all of theirs: those are
-    shown, and compared only if they are `same_seeds`.
+    methods decide on the seeds, and the expert follows. Groups that share fewer than two seeds keep
+    all of theirs: those are shown, and compared only if they are `same_seeds`.
 
     Args:
         evaluations: as `bench.source.Source.frame` returns them, of one split.

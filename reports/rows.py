@@ -1,5 +1,7 @@
 """The stored evaluations that an exhibit shows: of the paper's methods, or of all."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +15,8 @@ from methods.registry import CLOSED_LOOP
 from tasks.data import BoolArray
 
 SIZES = ("small", "median", "large")
+Place = tuple[str, str]
+"""A task and a method."""
 COMPARED = (NO_CONTROLLER, ORIGINAL)
 """Controllers of every experiment but `audit`."""
 
@@ -67,28 +71,44 @@ class Rows:
         """Returns the methods that `select` finds, those `beyond` the paper among them."""
         return [m for m in self.frame.method.unique() if len(self.select(method=m, **values))]
 
+    def every(self, **values: object) -> pd.DataFrame:
+        """Returns what `select` finds for all methods, those `beyond` the paper among them."""
+        return pd.concat(self.select(method=m, **values) for m in self.frame.method.unique())
+
     def of_all(self, **values: object) -> pd.DataFrame:
         """Returns the rows of `main` for all methods, those `beyond` the paper among them."""
-        return pd.concat(self.main(method=m, **values) for m in self.frame.method.unique())
+        return self.at_one_size([self.every(**values)])[0]
 
     def main(self, **values: object) -> pd.DataFrame:
         """Returns the rows of `chosen` with the most demonstrations of each method."""
-        found = self.chosen(**values)
-        if found.empty:
-            return found
-        return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]
+        return self.at_one_size([self.select(**values)])[0]
+
+    def at_one_size(self, parts: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
+        """Returns several selections, each method on each task at the same size in all of them.
+
+        It is chosen, as in `chosen`, among the sizes that most selections have: two studies may
+        have evaluated two sizes. Of each method the rows with the most demonstrations are kept.
+        """
+        sizes = self._sizes(parts)
+        return [_with_most_demos(_of_size(part, sizes)) for part in parts]
 
     def chosen(self, **values: object) -> pd.DataFrame:
         """Returns the rows of `select` at the chosen size of each method."""
         found = self.select(**values)
-        if found.empty:
-            return found
-        places = list(zip(found.task, found.method, strict=True))
-        sizes: dict[tuple[str, str], list[str]] = {}
-        for place, size in zip(places, found["size"], strict=True):
-            sizes.setdefault(place, []).append(size)
-        best = {place: self._best_size(*place, set(several)) for place, several in sizes.items()}
-        return found[found["size"].to_numpy() == [best[place] for place in places]]
+        return _of_size(found, self._sizes([found]))
+
+    def _sizes(self, parts: Sequence[pd.DataFrame]) -> dict[Place, str]:
+        """Returns the size of each method on each task, see `at_one_size`."""
+        known: dict[Place, Counter[str]] = {}
+        for part in parts:
+            for task, method, size in set(zip(part.task, part.method, part["size"], strict=True)):
+                known.setdefault((task, method), Counter())[size] += 1
+        return {
+            place: self._best_size(
+                *place, {size for size, count in counts.items() if count == max(counts.values())}
+            )
+            for place, counts in known.items()
+        }
 
     def _best_size(self, task: str, method: str, sizes: set[str]) -> str:
         """Returns which of these sizes has the most success from validation starts.
@@ -107,3 +127,12 @@ class Rows:
     def _best_sizes(self) -> dict[tuple[str, ...], str]:
         """Cache of `_best_size`, by its arguments."""
         return {}
+
+
+def _of_size(found: pd.DataFrame, sizes: Mapping[Place, str]) -> pd.DataFrame:
+    places = zip(found.task, found.method, strict=True)
+    return found[found["size"].to_numpy() == np.array([sizes[place] for place in places], object)]
+
+
+def _with_most_demos(found: pd.DataFrame) -> pd.DataFrame:
+    return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]

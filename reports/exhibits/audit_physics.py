@@ -15,17 +15,17 @@ from tasks.registry import TASKS
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each task and reading of a variation, and a column for each method."""
     parts = [
-        results.rows.main(task=task, split="test", physics=physics)
+        results.rows.select(task=task, split="test", physics=physics)
         for task in TASKS
         for physics in (*CHANGES[task], *READINGS[task])
     ]
     parts += [
-        results.rows.main(task=task, split="test", physics=physics, controller=controller)
+        results.rows.select(task=task, split="test", physics=physics, controller=controller)
         for task in TASKS
         for physics in CHANGES[task]
         for controller in (TUNED, ON_SUCCESSES, FINE_TUNED)
     ]
-    found = pd.concat(parts)
+    found = pd.concat(results.rows.at_one_size(parts))
     others = [found.physics.isin(READINGS[task]) & (found.task == task) for task in TASKS]
     read = found[np.logical_or.reduce(others)]
     if read.empty:

@@ -20,8 +20,12 @@ COMPARED = ("described", "published")
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and variant, and a column for each task."""
     variants = [v for v in results.frame.variant.unique() if v == "described" or v not in SETS]
-    unclipped = results.rows.main(controller=UNCLIPPED, split="test")
-    parts = [results.rows.main(variant=v, split="test") for v in variants]
+    unclipped, *parts = results.rows.at_one_size(
+        [
+            results.rows.select(controller=UNCLIPPED, split="test"),
+            *(results.rows.select(variant=v, split="test") for v in variants),
+        ]
+    )
     found = without_expert(pd.concat([*parts, unclipped.assign(variant=UNCLIPPED)]))
     if found.variant.nunique() < 2:
         return table_of()

@@ -46,11 +46,11 @@ def by_condition(results: Results) -> pd.DataFrame:
     """Returns a row for each method with results on all tasks, and a column for each condition."""
     if not results.rows.beyond:
         return table_of()
-    parts = [
-        results.rows.of_all(**{"split": "test"} | condition).assign(condition=name)
-        for name, condition in CONDITIONS.items()
-    ]
-    found = of_all_tasks(pd.concat(parts), ["condition", "method"])
+    parts = results.rows.at_one_size(
+        [results.rows.every(**{"split": "test"} | named) for named in CONDITIONS.values()]
+    )
+    named = [part.assign(condition=name) for name, part in zip(CONDITIONS, parts, strict=True)]
+    found = of_all_tasks(pd.concat(named), ["condition", "method"])
     rows = []
     for (name, method), mine in found.groupby(["condition", "method"], sort=False):
         tasks = [*results.episodes.paired(mine, ["task"]).values()]

@@ -5,13 +5,14 @@ from math import inf
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bench.experiments import REPLANNED
 from reports.charts import add_legend, add_line, panel_grid
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import UNDISTURBED
-from tasks.masses import VARIATIONS
+from tasks.masses import NOMINAL
 from tasks.registry import TASKS
 
 NEVER, EVERY = "once", "every_"
@@ -22,11 +23,13 @@ def table(results: Results) -> pd.DataFrame:
     found = results.frame[(results.frame.split == "test") & (results.frame.replan > 0)]
     conditions = found[["physics", "disturbance"]].drop_duplicates().to_dict("records")
     replans = sorted(found.replan.unique(), reverse=True)
-    parts = [
-        results.rows.main(split="test", replan=replan, **condition)
-        for condition in conditions
-        for replan in (0, *replans)
-    ]
+    parts = results.rows.at_one_size(
+        [
+            results.rows.select(split="test", replan=replan, **condition)
+            for condition in conditions
+            for replan in (0, *replans)
+        ]
+    )
     kept = [part[part.method.isin(found.method)] for part in parts]
     if not kept:
         return table_of()
@@ -48,7 +51,7 @@ def table(results: Results) -> pd.DataFrame:
 
 def in_nominal_physics(table: pd.DataFrame) -> pd.DataFrame:
     """Returns the rows without changed physics."""
-    return table[~table.place.isin(VARIATIONS)]
+    return table[table.place.isin((NOMINAL, *REPLANNED))]
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:

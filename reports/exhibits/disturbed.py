@@ -24,11 +24,12 @@ AXES = {
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and disturbance, and a column for each task."""
     names = all_names()
-    parts = [results.rows.of_all(split="test", disturbance=name) for name in names]
-    if all(part.empty for part in parts):
-        return table_of()
+    plain, *parts = results.rows.at_one_size(
+        [results.rows.every(split="test", disturbance=name) for name in (UNDISTURBED, *names)]
+    )
     disturbed = pd.concat(parts)
-    plain = results.rows.of_all(split="test")
+    if disturbed.empty:
+        return table_of()
     found = pd.concat([plain[plain.folder.isin(disturbed.folder)], disturbed])
     label = found.method + " " + found.disturbance
     rows = [f"{method} {name}" for method in METHODS for name in (UNDISTURBED, *names)]

@@ -26,12 +26,13 @@ CONTROLLERS = (ORIGINAL, TUNED)
 def _exhibit(task: str, title: str) -> Exhibit:
     def table(results: Results) -> pd.DataFrame:
         """Returns a row for each method and controller, and a column for each physics."""
-        of_task = partial(results.rows.main, task=task, split="test")
-        found = pd.concat([of_task(physics=v) for v in VARIATIONS])
-        if found.empty:
+        of_task = partial(results.rows.select, task=task, split="test")
+        if all(of_task(physics=v).empty for v in VARIATIONS):
             return table_of()
         tuned = [of_task(physics=v, controller=TUNED) for v in VARIATIONS]
-        found = pd.concat([of_task(), found, *tuned])
+        found = pd.concat(
+            results.rows.at_one_size([*(of_task(physics=v) for v in PHYSICS), *tuned])
+        )
         uncontrolled = found.controller == NO_CONTROLLER
         label = found.method.where(uncontrolled, found.method + " " + found.controller)
         rates = success_table(results, found.assign(label=label), "label", "physics")

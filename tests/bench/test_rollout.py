@@ -6,6 +6,7 @@ from bench.controller import Controller
 from bench.rollout import FeedbackPolicy, TrackedMotion
 from methods.contract import ContractError
 from tasks.data import NonFinite
+from tasks.disturbed import disturbed
 from tasks.experts import load_expert
 from tasks.registry import get_task
 from tasks.simulator import Simulator, rollout
@@ -82,6 +83,15 @@ def test_a_non_finite_answer_ends_its_episode_and_is_counted(value, policy_of, c
     assert episodes.steps.tolist() == [steps, steps, 6, 6]
     assert not episodes.success.any()
     assert policy.non_finite(500) == (NonFinite(500, call, 2, 3),)
+
+
+@pytest.mark.parametrize("late", [1, 2])
+def test_an_episode_whose_bad_answer_arrives_late_is_counted_once(late):
+    policy = FeedbackPolicy(Spoilt(np.nan))
+    driver = disturbed(policy, f"late_{late}", DOOR)
+    episodes = rollout(DOOR, DOOR.sample("test", 4), driver, steps=8, chunk=8)
+    assert episodes.steps.tolist() == [3 + late, 3 + late, 8, 8]
+    assert policy.non_finite(0) == (NonFinite(0, "act", 2, 3),)
 
 
 class Copied:

@@ -24,7 +24,7 @@ from reports.seed_statistics import ONE_SEED, OVER_SEEDS
 from reports.style import colour
 from reports.write import write_report
 from tasks.data import generator
-from tasks.disturbances import TOGETHER
+from tasks.disturbances import TOGETHER, UNDISTURBED
 from tasks.registry import EXPERTS, TASKS, get_task
 
 NEEDS_FITS = "motions"
@@ -284,6 +284,35 @@ def test_report_writes_each_exhibit_in_each_format(results, tmp_path):
     drawn = [exhibit for exhibit in shown if exhibit.axis]
     for ending in ("png", "pdf", "svg"):
         assert len(list((tmp_path / "figures").glob(f"*.{ending}"))) == len(drawn)
+
+
+def test_rows_that_are_compared_have_one_size_even_if_studies_had_two(results):
+    """A study with `sizes` evaluated other sizes from test starts than one with the default."""
+    two = copy(results)
+    frame = results.frame.assign(
+        size=results.frame["size"].where(results.frame.method != "nn", "median")
+    )
+    changed = (frame.method == "nn") & (frame.split == "test")
+    plain = changed & (frame.disturbance == UNDISTURBED) & (frame.physics == "nominal")
+    plain &= (frame.replan == 0) & (frame.rule == "appendix") & (frame.variant == "described")
+    chosen = frame[plain].assign(size="large", folder="large " + frame.folder)
+    validated = frame[(frame.method == "nn") & (frame.split == "validation")]
+    two.frame = pd.concat(
+        [frame, chosen, validated.assign(size="large", successes=validated.episodes)]
+    )
+    two.rows = Rows(two.frame)
+    parts = two.rows.at_one_size(
+        [two.rows.every(split="test", disturbance=name) for name in (UNDISTURBED, "late_1")]
+    )
+    for part in parts:
+        assert set(part[part.method == "nn"]["size"]) == {"median"}
+    assert set(two.rows.main(method="nn", split="test")["size"]) == {"large"}
+    nn = BY_NAME["audit_rule"].table(two).query("row == 'nn'")
+    assert set(nn.column) == {
+        "tool appendix",
+        "tool published",
+        *(f"reorientation {r}" for r in ("appendix", "published")),
+    }
 
 
 def test_report_omits_exhibits_without_results(results, tmp_path):

@@ -51,8 +51,13 @@ class Seeds(Results):
         """Takes a function from the values of a selection to each seed's share, or None."""
         self.percents = percents
 
-    def main(self, **values):
+    def select(self, **values):
         return pd.DataFrame([] if self.percents(values) is None else [values])
+
+    main = select
+
+    def at_one_size(self, parts):
+        return parts
 
     def of_selections(self, selections):
         found = [rows.to_dict("records") for rows in selections]
@@ -388,8 +393,11 @@ class Drawn(Results):
     def __init__(self, success):
         self.drawn = success
 
-    def main(self, *, task, method, **values):
+    def select(self, *, task, method, **values):
         return self.drawn[task][METHODS.index(method)]
+
+    def at_one_size(self, parts):
+        return parts
 
     def of_selections(self, selections):
         return selections
