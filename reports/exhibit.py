@@ -105,8 +105,8 @@ class Exhibit:
             f"{self.display(row.column)} {in_points(row.detectable)}" for row in known.itertuples()
         ]
         return (
-            "Smallest true difference that these seeds find in 80% of studies, of two methods that"
-            f" vary as these do, without correction [points]: {', '.join(points)}."
+            "True differences below these are missed in a fifth of studies or more, of two methods"
+            f" that vary as these do, without correction [points]: {', '.join(points)}."
         )
 
     def summarised(self, table: pd.DataFrame) -> pd.DataFrame:

@@ -50,6 +50,24 @@ def said(monkeypatch):
     return answer_of
 
 
+def test_methods_are_compared_on_the_starts_that_their_table_shows(said, monkeypatch):
+    """The expert has fewer episodes, and the table is cut to those."""
+    shorter, counts = MadeUp.main, []
+
+    def main(self, **values):
+        rows = shorter(self, **values)
+        return rows.assign(episodes=rows.episodes.where(rows.method != "expert", 20))
+
+    monkeypatch.setattr(MadeUp, "main", main)
+    said({"kodex": 90, "nn": 92})
+    pairs_of = module.pairs_of
+    monkeypatch.setattr(
+        module, "pairs_of", lambda *given: (counts.extend(given[1].episodes), pairs_of(*given))[1]
+    )
+    answer(MadeUp({"kodex": 90, "nn": 92}, 5))
+    assert set(counts) == {20}
+
+
 def test_answer_names_the_methods_that_tie_for_best_first(said):
     apart = {("kodex", "ndp"): (-9.2, -0.4), ("nn", "ndp"): (3.8, 9.2)}
     assert said({"kodex": 90, "nn": 92, "ndp": 85}, apart.items()) == (

@@ -187,6 +187,15 @@ def test_at_least_so_many_is_corrected_for_the_number_of_comparisons():
     assert kth_largest(low, low, 2).p == pytest.approx(2 * 0.02)
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_at_least_so_many_speaks_of_the_fewest_seeds_wherever_they_stand(place):
+    several = Estimate(5, 3, 8, 0.01, 0.0, 5, OVER_SEEDS)
+    each = [several]
+    each.insert(place, several._replace(seeds=1, basis=ONE_SEED))
+    found = kth_largest(each, each, 1)
+    assert (found.seeds, found.basis) == (1, ONE_SEED)
+
+
 def second_largest(pairs):
     """Of differences of outcomes (R, N)."""
     return kth_largest(
