@@ -11,12 +11,13 @@ PAGE = (ROOT / "docs/results.md").read_text()
 EVALUATIONS = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet").query(
     "variant == 'described'"
 )
+UNDISTURBED = EVALUATIONS.query("disturbance == 'none'")
 TASKS = ["tool", "door", "relocation", "reorientation"]
 
 
 def success(split: str) -> pd.Series:
     """The success in per cent by method, task and seed; the first expert taught."""
-    rows = EVALUATIONS.query("split == @split and expert == 'first'")
+    rows = UNDISTURBED.query("split == @split and expert == 'first'")
     rate = 100 * rows["successes"] / rows["episodes"]
     return rate.groupby([rows["method"], rows["task"], rows["seed"]]).first()
 
@@ -62,19 +63,18 @@ def test_the_success_of_each_seed():
             assert [one.removesuffix(".0") for one in cell.split(", ")] == rates, (method, task)
 
 
+def success_of(rows: pd.DataFrame, by: list[str]) -> pd.Series:
+    """The success in per cent of all seeds, from the first ``common`` starts of each evaluation."""
+    episodes = pd.read_parquet(ROOT / "reports/reference/episodes.parquet").drop(columns="diverged")
+    found = episodes.join(rows, on="evaluation", how="inner").query("start < common")
+    return 100 * found.groupby(by)["success"].mean()
+
+
 @pytest.mark.parametrize("split", ["test", "ood"])
 def test_what_the_second_expert_changes(split):
-    episodes = pd.read_parquet(ROOT / "reports/reference/episodes.parquet")
-    rows = EVALUATIONS.query("split == @split")
+    rows = UNDISTURBED.query("split == @split")
     rows = rows.assign(common=rows.groupby(["method", "task"])["episodes"].transform("min"))
-    found = episodes.drop(columns="diverged").join(rows, on="evaluation", how="inner")
-    means = (
-        100
-        * found.query("start < common")
-        .groupby(["method", "task", "expert"])["success"]
-        .mean()
-        .unstack()
-    )
+    means = success_of(rows, ["method", "task", "expert"]).unstack()
     change = means["second"] - means["first"]
     shown = table(f"<!-- expert_change_{split} -->")
     assert len(shown) == 8
@@ -82,3 +82,16 @@ def test_what_the_second_expert_changes(split):
         for task, cell in zip(["tool", "door", "reorientation"], cells, strict=True):
             value = float(cell.split(" ")[0])
             assert value == pytest.approx(change[method][task], abs=0.05 + 1e-9), (method, task)
+
+
+def test_success_with_joints_off():
+    rows = EVALUATIONS.query("split == 'test' and expert == 'first'")
+    disturbed = rows.query("disturbance != 'none'").groupby("task")["episodes"].min()
+    rows = rows.assign(common=rows["task"].map(disturbed))
+    means = success_of(rows, ["method", "task", "disturbance"])
+    names = ("none", "joints_off_0.02", "joints_off_0.05")
+    shown = table("## When something is off")
+    assert len(shown) == 8
+    for method, cells in shown.items():
+        for task, cell in zip(TASKS, cells, strict=True):
+            assert cell == ", ".join(f"{means[method, task, name]:.1f}" for name in names)
