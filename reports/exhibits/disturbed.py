@@ -41,6 +41,12 @@ def table(results: Results) -> pd.DataFrame:
     return rates.assign(method=parts[0], kind=kinds[0], strength=strength)
 
 
+def weakest(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns the rows of the weakest strength of each kind, and of those that come together."""
+    least = table.kind.map({kind: about.strengths[0] for kind, about in KINDS.items()})
+    return table[least.isna() | (table.strength == least)]
+
+
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     """Returns a row of panels for each task: success by strength, a panel for each kind."""
     tasks, methods = ordered(table.column, TASKS), ordered(table.method, METHODS)
@@ -68,8 +74,10 @@ EXHIBIT = Exhibit(
     title="Disturbed",
     about="Success [%] on test starts when something is off, by its strength: normal errors of the"
     " hinges of the hand at the start, of the object's place, of what is read; a push at a random"
-    " step of the first half; actions that arrive late. All methods meet the same.",
+    " step of the first half; actions that arrive late. All methods meet the same. Stronger"
+    " ones: in the figure and the CSV file.",
     table=table,
     part="robustness",
     figure=figure,
+    summary=weakest,
 )
