@@ -21,7 +21,7 @@ from bench.study_demos import DemosKeys
 from bench.study_weights import check_weights
 from methods.kodex import LIFTING_VARIANTS
 from methods.registry import get_method
-from tasks.disturbances import TOGETHER, names_of
+from tasks.disturbances import REPLANNED, names_of
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, READINGS
 from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, get_task
@@ -31,8 +31,6 @@ CHANGE_PHYSICS = ("robustness", "closed_loop", "audit")
 EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
 REPLANS = (20, 5, 1)
 """Control steps between two predictions."""
-REPLANNED = (*TOGETHER.split("+"), TOGETHER)
-"""The disturbances in which methods predict anew."""
 UNSEEN, OOD, ON_VALIDATION = Conditions("test"), Conditions("ood"), Conditions(VALIDATION)
 
 

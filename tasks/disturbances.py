@@ -62,6 +62,8 @@ KINDS = {
 random step of the first half of an episode."""
 TOGETHER = "joints_off_0.05+late_1"
 """The disturbances that the experiment ``disturbed`` tries together."""
+REPLANNED = (*TOGETHER.split("+"), TOGETHER)
+"""Those in which the experiment ``closed_loop`` predicts anew."""
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,12 @@ from math import inf
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bench.experiments import REPLANNED
 from reports.charts import add_legend, add_line, panel_grid
 from reports.exhibit import Exhibit
 from reports.results import Results
 from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
-from tasks.disturbances import UNDISTURBED
+from tasks.disturbances import REPLANNED, UNDISTURBED
 from tasks.masses import NOMINAL
 from tasks.registry import TASKS
 
