@@ -228,13 +228,13 @@ class ControllerSpec:
         return controller_label(vars(self))
 
 
-TOGETHER = 12
+MOST_TOGETHER = 12
 """A controller then trains in half the time of one of three, and the demonstrations of all are held
 in memory."""
 
 
 def controller_blocks(specs: Iterable[ControllerSpec]) -> list[list[ControllerSpec]]:
-    """Returns the controllers in groups of at most `TOGETHER`, which train together.
+    """Returns the controllers in groups of at most `MOST_TOGETHER`, which train together.
 
     Those of a group differ only in their seeds and in the physics of the rollouts they learn from.
     """
@@ -243,9 +243,9 @@ def controller_blocks(specs: Iterable[ControllerSpec]) -> list[list[ControllerSp
         place = (spec.task, spec.kind, spec.config, spec.demos, spec.demos_key, spec.pins)
         blocks.setdefault(place, []).append(spec)
     return [
-        block[first : first + TOGETHER]
+        block[first : first + MOST_TOGETHER]
         for block in blocks.values()
-        for first in range(0, len(block), TOGETHER)
+        for first in range(0, len(block), MOST_TOGETHER)
     ]
 
 

@@ -47,7 +47,7 @@ def by_condition(results: Results) -> pd.DataFrame:
     if not results.rows.beyond:
         return table_of()
     parts = results.rows.at_one_size(
-        [results.rows.every(**{"split": "test"} | named) for named in CONDITIONS.values()]
+        [results.rows.every(**{"split": "test"} | one) for one in CONDITIONS.values()]
     )
     named = [part.assign(condition=name) for name, part in zip(CONDITIONS, parts, strict=True)]
     found = of_all_tasks(pd.concat(named), ["condition", "method"])
