@@ -72,7 +72,6 @@ def experiment_names() -> list[str]:
 
 SMALLEST = "smallest"
 REDUCED = "Two seeds and fewer episodes than the paper's protocol; trained in full."
-BEYOND = "Five seeds, and questions that the paper does not ask."
 FOR_TESTS = (
     "`smoke` is for tests: with its few demonstrations and training epochs nothing is learnt, and"
     " its numbers mean nothing."
@@ -116,6 +115,5 @@ PRESETS = {
         },
         methods=SUITE,
         seeds=tuple(range(1, 6)),
-        note=BEYOND,
     ),
 }
