@@ -84,7 +84,7 @@ class _Answers:
 
     def __init__(self, call: str) -> None:
         self._call, self._first = call, 0
-        self._episodes = np.zeros(0, bool)
+        self._episodes = np.zeros(1, bool)
         """(B,) whether an episode has had such an answer."""
 
     def checked(
@@ -95,10 +95,9 @@ class _Answers:
         So these episodes diverge: infinite actions would be clipped.
         """
         bad = np.asarray(~np.isfinite(answers).all(axis=1))
-        now = bad & simulator.running
         if not self._episodes.any():
-            self._first, self._episodes = t, now
-        self._episodes = self._episodes | now
+            self._first = t
+        self._episodes = self._episodes | (bad & simulator.running)
         return np.where(bad[:, None], np.nan, acted)
 
     def non_finite(self, row: int) -> tuple[NonFinite, ...]:

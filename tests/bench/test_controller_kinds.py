@@ -63,8 +63,10 @@ def test_another_original_controller_changes_the_key_of_what_starts_from_it():
 def test_controllers_of_all_seeds_and_physics_train_together_and_others_apart():
     light = replace(TUNED_SPEC, physics="light_hand")
     together = [TUNED_SPEC, light, replace(light, seed=2)]
-    others = [FINE, replace(TUNED_SPEC, demos=11)]
-    assert controller_blocks([*together, *others]) == [together, *([one] for one in others)]
+    fine = [replace(FINE, seed=s, start=replace(SPEC, seed=s)) for s in (1, 2, 3)]
+    others = [SPEC, replace(TUNED_SPEC, demos=11)]
+    found = controller_blocks([*together, *fine, *others])
+    assert found == [together, fine, *([one] for one in others)]
     many = [replace(SPEC, seed=seed) for seed in range(1, 30)]
     assert controller_blocks(many) == [many[:12], many[12:24], many[24:]]
     assert ControllerJob(tuple(together), cached=False).label == (
