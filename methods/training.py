@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
+from torch.optim.adamw import adamw
 
 from methods.base import check_above
 from methods.layers import Weights, tensor
@@ -112,29 +113,26 @@ def minimise(
     if not count:
         raise TrainingError(f"{name} has no samples to learn from")
     first = start or [draw(generator("weights", name, seed)) for seed in seeds]
-    numbers, weights, gradients = _leaves(first)
+    numbers, all_gradients, weights, gradients = _leaves(first)
     leaves = list(weights.values())
     orders = [generator("order", name, seed) for seed in seeds]
 
     steps = schedule.epochs * -(-count // schedule.batch_size)
     rates = (schedule.learning_rate * (1 - schedule.decay * step / steps) for step in range(steps))
 
-    def fresh_adam() -> torch.optim.Optimizer:
-        rate, decay = schedule.learning_rate, schedule.weight_decay
-        return torch.optim.AdamW([numbers], rate, weight_decay=decay, fused=True)
-
-    optimiser = fresh_adam()
+    adam = _Adam(numbers, all_gradients, schedule.weight_decay)
     best = _Best(weights)
     with one_thread():
         for _ in range(schedule.epochs):
             drawn_order = [i * count + rng.permutation(count) for i, rng in enumerate(orders)]
             order = torch.from_numpy(np.stack(drawn_order))
             total = torch.zeros(len(seeds))
-            optimiser = fresh_adam() if schedule.fresh_adam == "epoch" else optimiser
+            if schedule.fresh_adam == "epoch":
+                adam.reset()
             for rows in order.split(schedule.batch_size, dim=1):
-                optimiser = fresh_adam() if schedule.fresh_adam == "batch" else optimiser
-                optimiser.param_groups[0]["lr"] = next(rates)
-                optimiser.zero_grad(set_to_none=False)
+                if schedule.fresh_adam == "batch":
+                    adam.reset()
+                all_gradients.zero_()
                 for piece in rows.split(at_once or schedule.batch_size, dim=1):
                     losses = loss(weights, *(part[piece] for part in samples))
                     share = losses.sum() * (piece.shape[1] / rows.shape[1])
@@ -142,7 +140,7 @@ def minimise(
                     for gradient, slope in zip(gradients, slopes, strict=True):
                         gradient += slope
                     total += losses.detach() * piece.shape[1]
-                optimiser.step()
+                adam.step(next(rates))
             with torch.no_grad():
                 best.note(total / count, validate(weights) if validate else None)
     return best.chosen(seeds)
@@ -161,18 +159,20 @@ def _joined(data: Iterable[Sequence[FloatArray]], seeds: int) -> tuple[list[Tens
     return [torch.cat(column) for column in zip(*parts, strict=True)], counts[0]
 
 
-def _leaves(drawn: Sequence[Mapping[str, FloatArray]]) -> tuple[Tensor, Weights, list[Tensor]]:
-    """Returns all numbers in one tensor for Adam, the weights (S, ...) and their gradients.
+def _leaves(
+    drawn: Sequence[Mapping[str, FloatArray]],
+) -> tuple[Tensor, Tensor, Weights, list[Tensor]]:
+    """Returns all numbers and their gradient for Adam, the weights (S, ...) and their gradients.
 
-    Weights and gradients are views of that tensor and of its gradient: a step of Adam on one tensor
-    costs less than a step on each. torch's fused Adam rounds the numbers after the last full vector
-    differently, so each network's numbers are padded to full vectors.
+    Weights and gradients are views of the first two: a step of Adam on one tensor costs less than a
+    step on each. torch's fused Adam rounds the numbers after the last full vector differently, so
+    each network's numbers are padded to full vectors.
     """
     arrays = {key: np.stack([one[key] for one in drawn]) for key in drawn[0]}
     rows = [array.reshape(len(drawn), -1) for array in arrays.values()]
     filled = [np.pad(part, ((0, 0), (0, -part.shape[1] % VECTOR))) for part in rows]
     numbers = tensor(np.concatenate([part.ravel() for part in filled]))
-    numbers.grad = torch.zeros_like(numbers)
+    gradient = torch.zeros_like(numbers)
 
     def views(flat: Tensor) -> list[Tensor]:
         parts = flat.split([part.size for part in filled])
@@ -182,7 +182,46 @@ def _leaves(drawn: Sequence[Mapping[str, FloatArray]]) -> tuple[Tensor, Weights,
         ]
 
     weights = [weight.requires_grad_() for weight in views(numbers)]
-    return numbers, dict(zip(arrays, weights, strict=True)), views(numbers.grad)
+    return numbers, gradient, dict(zip(arrays, weights, strict=True)), views(gradient)
+
+
+class _Adam:
+    """AdamW of one tensor, with the defaults of `torch.optim.AdamW`.
+
+    It calls torch's function, since making an object of that class loads torch's compiler, which
+    takes longer than a short training.
+    """
+
+    def __init__(self, numbers: Tensor, gradient: Tensor, weight_decay: float) -> None:
+        """Takes the numbers, the place of their gradient and the weight decay."""
+        self._numbers, self._gradient, self._weight_decay = numbers, gradient, weight_decay
+        self._moments = torch.zeros_like(numbers), torch.zeros_like(numbers)
+        self._steps = torch.tensor(0.0)
+
+    def reset(self) -> None:
+        """Forgets all steps."""
+        for part in (*self._moments, self._steps):
+            part.zero_()
+
+    def step(self, rate: float) -> None:
+        """Makes one step with a learning rate."""
+        mean, square = self._moments
+        adamw(
+            [self._numbers],
+            [self._gradient],
+            [mean],
+            [square],
+            [],
+            [self._steps],
+            fused=True,
+            amsgrad=False,
+            beta1=0.9,
+            beta2=0.999,
+            lr=rate,
+            weight_decay=self._weight_decay,
+            eps=1e-8,
+            maximize=False,
+        )
 
 
 class _Best:

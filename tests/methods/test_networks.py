@@ -12,6 +12,7 @@ from torch import nn
 from torch.nn import functional
 
 from bench.machine import random_demos
+from methods import training
 from methods.base import config_of, shortened
 from methods.kodex import Kodex
 from methods.layers import linear_weights, mlp, mlp_weights, sigmoid, softplus
@@ -66,14 +67,16 @@ def line():
 
 
 # Training
-def test_training_matches_torch_for_each_seed(line):
-    seeds = (3, 4, 5)
-    for seed, trained in zip(seeds, train(draw_line, line_loss, line, seeds=seeds), strict=True):
+@pytest.mark.parametrize("weight_decay", [0.0, 0.5])
+def test_training_matches_torch_for_each_seed(line, weight_decay):
+    seeds, schedule = (3, 4, 5), replace(SCHEDULE, weight_decay=weight_decay)
+    found = train(draw_line, line_loss, line, schedule, seeds=seeds)
+    for seed, trained in zip(seeds, found, strict=True):
         weights = stacked(draw_line(generator("weights", "test", seed)))
         network = nn.Sequential(
             as_module(weights, "layer0"), nn.ReLU(), as_module(weights, "layer1")
         )
-        optimiser = torch.optim.Adam(network.parameters(), 1e-2)
+        optimiser = torch.optim.AdamW(network.parameters(), 1e-2, weight_decay=weight_decay)
         order = generator("order", "test", seed)
         x, y = (torch.tensor(part, dtype=torch.float32) for part in line)
         for _ in range(3):
@@ -99,9 +102,9 @@ def test_a_batch_in_pieces_trains_like_the_whole_batch(line):
 
 def test_a_decaying_learning_rate_falls_linearly_to_zero(line, monkeypatch):
     seen = []
-    step = torch.optim.AdamW.step
+    step = training._Adam.step
     monkeypatch.setattr(
-        torch.optim.AdamW, "step", lambda one: seen.append(one.param_groups[0]["lr"]) or step(one)
+        training._Adam, "step", lambda one, rate: seen.append(rate) or step(one, rate)
     )
     train(draw_line, line_loss, line, replace(SCHEDULE, decay=True))
     np.testing.assert_allclose(seen, SCHEDULE.learning_rate * (1 - np.arange(9) / 9))
