@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib as mpl
 import pandas as pd
 
 from bench.doing import say
@@ -151,6 +152,9 @@ def _write_figure(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> None:
     with style():
         figure = exhibit.draw(table)
         figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # the layout is the same for all endings
-        for ending, dated in _DATED.items():
-            figure.savefig(folder / f"{exhibit.name}.{ending}", metadata=dict.fromkeys(dated))
+        # All endings have this layout. With one, even the layout "none", each would be drawn twice.
+        with mpl.rc_context({"figure.constrained_layout.use": False}):
+            figure.set_layout_engine(None)
+            for ending, dated in _DATED.items():
+                path = folder / f"{exhibit.name}.{ending}"
+                figure.savefig(path, metadata=dict.fromkeys(dated))
