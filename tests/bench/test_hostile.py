@@ -77,7 +77,7 @@ def command(tmp_path_factory):
 
 def study(out, *methods):
     chosen = ("--experiments", "success", "--methods", ",".join(methods), "--out", out)
-    return ("run", "smoke", *chosen, "--limit", "0.5")
+    return ("run", "smoke", *chosen, "--limit", "0.3")
 
 
 @pytest.fixture(scope="module")

@@ -92,7 +92,7 @@ def test_plan_status_and_run_agree_on_what_is_missing(
     draw = iter(range(10**6))
 
     @given(states)
-    @settings(max_examples=8 * times, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=5 * times, suppress_health_check=list(HealthCheck))
     def agree(state):
         folder = tmp_path / f"state {next(draw)}"
         shutil.copytree(whole, folder)

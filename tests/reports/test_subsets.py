@@ -163,7 +163,7 @@ def check(made, folder):
 @example(only(method="mine"), False)
 @example(only(method="mine", split="validation"), True)
 @example(only(variant="set_1"), False)
-@settings(max_examples=12)
+@settings(max_examples=8)
 def test_any_subset_of_results_has_a_report(frame, diverged):
     results = Subset(frame, diverged)
     results.check_protocol(frame, mixed=True)
@@ -180,7 +180,6 @@ def test_any_subset_of_results_has_a_report(frame, diverged):
         {"method": "expert"},
         {"variant": "published"},
         {"controller": "tuned"},
-        {"task": "tool", "size": "single"},
     ],
 )
 def test_report_of_a_subset_draws_all_its_figures(values, tmp_path, monkeypatch):
