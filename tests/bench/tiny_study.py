@@ -41,6 +41,9 @@ def main(folder: Path) -> None:
     )
     outcome = driver.run(study, folder, Workers(1, IN_THIS_PROCESS))
     assert outcome.failed == ()
+    assert "torch._dynamo" not in sys.modules, (
+        "training loads torch's compiler, which takes seconds"
+    )
     (folder / "tables").mkdir()
     results = Results(folder)
     for exhibit in EXHIBITS:
