@@ -8,9 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/results.md").read_text()
-EVALUATIONS = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet").query(
-    "variant == 'described' and physics == 'nominal'"
-)
+EVERYTHING = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet")
+EVALUATIONS = EVERYTHING.query("variant == 'described' and physics == 'nominal'")
 UNDISTURBED = EVALUATIONS.query("disturbance == 'none'")
 TASKS = ["tool", "door", "relocation", "reorientation"]
 
@@ -103,3 +102,23 @@ def test_success_with_joints_off():
     for method, cells in shown.items():
         for task, cell in zip(TASKS, cells, strict=True):
             assert cell == ", ".join(f"{means[method, task, name]:.1f}" for name in names)
+
+
+def test_success_in_changed_physics():
+    rows = EVERYTHING.query("physics != 'nominal'")
+    rate = 100 * rows["successes"] / rows["episodes"]
+    means = rate.groupby([rows["method"], rows["task"], rows["physics"], rows["controller"]]).mean()
+    variations = ("heavy_object", "light_object", "light_hand", "heavy_hand")
+    shown = table("## Changed physics")
+    assert len(shown) == 8
+    for method, cells in shown.items():
+        controllers = ("none",) if method == "expert" else ("original", "tuned")
+        for task, cell in zip(TASKS, cells, strict=True):
+            found = [[f"{means[method, task, v, c]:.0f}" for c in controllers] for v in variations]
+            assert cell == ", ".join(map("/".join, found)), (method, task)
+    learnt = means.drop("expert").groupby("method").mean()
+    sentence = PAGE.split("both controllers ")[1][:150]
+    said = re.findall(r"(\w+)(?: has)?\s(\d\d\.\d)%", sentence)
+    assert len(said) == len(learnt)
+    for name, value in said:
+        assert float(value) == pytest.approx(learnt[name.lower()], abs=0.05 + 1e-9)
