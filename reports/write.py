@@ -152,7 +152,7 @@ def _write_figure(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> None:
     with style():
         figure = exhibit.draw(table)
         figure.draw_without_rendering()
-        # All endings have this layout. With one, even the layout "none", each would be drawn twice.
+        # All endings have this layout. An engine, even that of "none", would draw before each file.
         with mpl.rc_context({"figure.constrained_layout.use": False}):
             figure.set_layout_engine(None)
             for ending, dated in _DATED.items():

@@ -180,6 +180,7 @@ def test_any_subset_of_results_has_a_report(frame, diverged):
         {"method": "expert"},
         {"variant": "published"},
         {"controller": "tuned"},
+        {"task": "tool", "size": "single"},
     ],
 )
 def test_report_of_a_subset_draws_all_its_figures(values, tmp_path, monkeypatch):
