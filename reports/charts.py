@@ -1,5 +1,6 @@
 """Figures of tables: bars and dots by row and column, and the panels and legends of any figure."""
 
+import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -177,11 +178,15 @@ def add_legend(drawing: Figure, exhibit: "Exhibit") -> None:
 
 
 def _in_a_row(labels: Sequence[str], width: float) -> int:
-    """Returns how many columns of a legend fit into a width [inches], at least 2 if there are 2."""
+    """Returns how many columns a legend of a width [inches] has, at least 2 if there are 2.
+
+    It has as few rows as fit, all of them as long as each other if possible.
+    """
     for columns in range(len(labels), 2, -1):
         longest = [max(map(len, part)) for part in np.array_split(labels, columns)]
         if sum(HANDLE + LETTER * letters for letters in longest) <= width:
-            return columns
+            rows = math.ceil(len(labels) / columns)
+            return math.ceil(len(labels) / rows)
     return min(len(labels), 2)
 
 

@@ -154,9 +154,9 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
         films: anchors of films on the page, by stem of their files.
 
     Returns:
-        For each task and method: ``task``, ``method``, whether it is the user's ``own``, ``seed``,
-        its ``start`` (None if it always succeeds), the ``film`` of that start or None, and the
-        ``command`` that films it.
+        For each task and method that fails: ``task``, ``method``, whether it is the user's ``own``,
+        ``seed``, its ``start``, the ``film`` of that start or None, and the ``command`` that films
+        it.
     """
     found = without_expert(results.rows.main(split="test")).sort_values("seed", kind="stable")
     found = found.drop_duplicates(["task", "method"])
@@ -168,7 +168,9 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
         for method in ordered(here.method, METHODS):
             seed = here.loc[method].seed
             success = results.outcomes(here.loc[method].to_dict()).success.to_numpy(bool)
-            start = None if success.all() else int(np.argmin(success))
+            if success.all():
+                continue
+            start = int(np.argmin(success))
             rows.append(
                 {
                     "task": display(task),
