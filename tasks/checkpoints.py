@@ -1,5 +1,6 @@
 """Checkpoints of expert training: the policy, its optimiser and the normalisation (needs torch)."""
 
+import hashlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from tasks.data import FloatArray
@@ -19,6 +20,8 @@ EPSILON = 1e-8
 _FILE = "checkpoint.safetensors"
 _STATISTICS = {"obs": "obs_rms", "ret": "ret_rms"}
 """Running statistics of stable-baselines3's VecNormalize, by their names in a checkpoint."""
+_DIGEST = "sha256"
+"""Label of a checkpoint: the SHA-256 of everything else in it."""
 
 Tensors = dict[str, torch.Tensor]
 
@@ -30,6 +33,8 @@ class Counters:
     task: str
     seed: int
     recipe: dict[str, Any]
+    learnt_on: dict[str, Any]
+    """What else the policy depends on: the task's version, its model and the reward's source."""
     steps: int
     """Control steps of all episodes together."""
     seconds: float
@@ -67,6 +72,7 @@ def write_checkpoint(folder: Path, model: Any, env: Any, counters: Counters) -> 
         }
     tensors = {key: value.contiguous() for key, value in tensors.items()}
     metadata = {key: json.dumps(value) for key, value in asdict(counters).items()}
+    metadata[_DIGEST] = _digest(tensors, metadata)
     with whole_file(checkpoint_path(folder)) as file:
         save_file(tensors, file, metadata)
 
@@ -75,16 +81,32 @@ def read_checkpoint(folder: Path) -> tuple[Tensors, Counters]:
     """Returns the tensors and the counters of a training run's checkpoint.
 
     Raises:
-        InputError: the folder holds no checkpoint.
+        InputError: the folder holds no checkpoint, or not as it was written.
     """
     path = checkpoint_path(folder)
     if not path.exists():
         reason = f"it holds no {path.name}" if folder.exists() else "it does not exist"
         raise InputError(f"{folder} is not a folder of `bench expert train`: {reason}")
-    with safe_open(path, "pt") as file:
-        counters = Counters(**{key: json.loads(text) for key, text in file.metadata().items()})
-        names = file.keys()
-        return {name: file.get_tensor(name) for name in names}, counters
+    damaged = InputError(f"{path} is damaged, or of another version of the suite: remove it")
+    try:
+        with safe_open(path, "pt") as file:
+            metadata, names = dict(file.metadata()), file.keys()
+            tensors = {name: file.get_tensor(name) for name in names}
+        if metadata.pop(_DIGEST) != _digest(tensors, metadata):
+            raise damaged
+        return tensors, Counters(**{key: json.loads(text) for key, text in metadata.items()})
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise damaged from error
+
+
+def _digest(tensors: Tensors, metadata: dict[str, str]) -> str:
+    """Returns the SHA-256 of the tensors and texts of a checkpoint."""
+    digest = hashlib.sha256(json.dumps(metadata, sort_keys=True).encode())
+    for name in sorted(tensors):
+        array = tensors[name].numpy()
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
 
 
 def restore(tensors: Tensors, model: Any, env: Any) -> None:

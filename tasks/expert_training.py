@@ -6,6 +6,7 @@ from the checkpoint. `write_expert` then writes the expert, ``<task>.safetensors
 """
 
 import hashlib
+import inspect
 import json
 import time
 from collections.abc import Callable
@@ -66,7 +67,8 @@ def train(task: Task, folder: Path, report: Report, seed: int = 1, threads: int 
 
     Raises:
         InputError: the task has no recipe, another process trains in the folder, or the folder
-            holds a training of another task, seed or recipe.
+            holds a damaged checkpoint, or a training of another task, seed, recipe, reward, model
+            or version of the task.
     """
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -133,6 +135,7 @@ class Training:
             self.task.name,
             self.seed,
             self.recipe.as_dict(),
+            self._learnt_on(),
             steps,
             self.seconds,
             self.episodes.first,
@@ -162,9 +165,23 @@ class Training:
                 f"{self.folder} holds a training by a recipe that has changed since"
                 f" ({', '.join(changed)}): name another folder"
             )
+        here = self._learnt_on()
+        if changed := [name for name in here if found.learnt_on.get(name) != here[name]]:
+            raise InputError(
+                f"{self.folder} holds a training of {found.task} as it was before a change of its"
+                f" {' and '.join(changed)}: name another folder"
+            )
         self.model.num_timesteps = found.steps
         self.seconds, self.episodes.first = found.seconds, found.first
         restore(tensors, self.model, self.env)
+
+    def _learnt_on(self) -> dict[str, Any]:
+        source = inspect.getsource(self.recipe.reward).encode()
+        return {
+            "version": self.task.version,
+            "model": self.task.model_hash,
+            "reward": hashlib.sha256(source).hexdigest(),
+        }
 
 
 def write_expert(task: Task, folder: Path) -> Path:

@@ -100,6 +100,46 @@ def test_a_training_by_another_recipe_is_not_continued(task, recipe, tmp_path, m
         training.train(task, tmp_path, ignore, threads=1)
 
 
+def door_reward(batch):
+    """Has the name of the recipe's reward, and another source."""
+    return np.zeros(batch.nbatch)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_training_of_a_task_that_has_changed_is_not_continued(
+    task, recipe, tmp_path, monkeypatch
+):
+    training.train(task, tmp_path, ignore, threads=1)
+    changes = {
+        "version": 7,
+        "model_hash": "0" * 64,
+        "recipe": replace(recipe, reward=door_reward),
+    }
+    for name, value in changes.items():
+        with monkeypatch.context() as changed:
+            changed.setattr(type(task), name, value)
+            if name == "model_hash":
+                vars(task).pop(name, None)
+            word = {"model_hash": "model", "recipe": "reward"}.get(name, name)
+            with pytest.raises(InputError, match=f"before a change of its {word}: name another"):
+                training.train(task, tmp_path, ignore, threads=1)
+    training.train(task, tmp_path, ignore, threads=1)
+
+
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_a_damaged_checkpoint_is_refused(task, recipe, tmp_path):
+    path = training.train(task, tmp_path, ignore, threads=1)
+    sound = path.read_bytes()
+    flipped = bytearray(sound)
+    flipped[-5] ^= 1
+    counted = sound.replace(f'"steps":"{recipe.steps}"'.encode(), b'"steps":"1"')
+    for content in (bytes(flipped), counted, sound[:1000], b"", b"no tensors at all"):
+        assert content != sound
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="is damaged, or of another version of the suite"):
+            training.train(task, tmp_path, ignore, threads=1)
+
+
 @pytest.mark.parametrize("task", ["door"], indirect=True)
 def test_a_second_training_in_the_same_folder_is_refused(task, recipe, tmp_path):
     def again(row):
@@ -139,7 +179,7 @@ def test_an_expert_has_the_layers_of_its_recipe(recipe, task, tmp_path, hidden):
     recipe = replace(recipe, hidden=hidden)
     environment = training.VecNormalize(EpisodesEnv(task, recipe, 1, threads=1))
     model = training.make_model(environment, recipe)
-    counters = Counters(task.name, 1, recipe.as_dict(), 0, 0.0, 0)
+    counters = Counters(task.name, 1, recipe.as_dict(), {}, 0, 0.0, 0)
     write_checkpoint(tmp_path, model, environment, counters)
     weights = expert_weights(read_checkpoint(tmp_path)[0])
     widths = [weights[f"weight{i}"].shape[0] for i in range(len(hidden) + 1)]
