@@ -10,7 +10,8 @@ import hashlib
 import inspect
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -107,11 +108,9 @@ class Task(ABC):
         Raises:
             InputError: MuJoCo cannot read the file.
         """
-        try:
-            spec = mujoco.MjSpec.from_file(str(self.model_path))
-        except ValueError as error:
-            reason = " ".join(str(error).split())
-            raise InputError(f"{self.model_path} cannot be read: {reason}") from error
+        path = self.model_path
+        with self._reading_model():
+            spec = mujoco.MjSpec.from_file(str(path))
         for actuator in spec.actuators:
             gain = self.servo_gain(actuator.name)
             if gain is not None:
@@ -124,8 +123,23 @@ class Task(ABC):
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The nominal model. It is read only: variations are written to single simulations."""
-        return self.specification().compile()
+        """The nominal model. It is read only: variations are written to single simulations.
+
+        Raises:
+            InputError: see `specification`, or MuJoCo cannot compile the model.
+        """
+        specification = self.specification()
+        with self._reading_model():
+            return specification.compile()
+
+    @contextmanager
+    def _reading_model(self) -> Iterator[None]:
+        """Turns errors of MuJoCo into an InputError that names the file."""
+        try:
+            yield
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise InputError(f"{self.model_path} cannot be read: {reason}") from error
 
     @cached_property
     def model_hash(self) -> str:

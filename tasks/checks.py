@@ -37,6 +37,7 @@ RULES: dict[str, Callable[[type[Task]], None]] = {
         rules.reads_the_present,
         rules.components_are_where_they_say,
         rules.success_judges_each_episode,
+        rules.random_actions_fail,
         rules.decided_is_final,
         rules.expert_demonstrates,
         model_rules.physics_touches_what_it_names,

@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 
-from tasks.base import Task
+from tasks.base import DIVERGED, Task
+from tasks.components import Range
 from tasks.data import CONTROL_STEP
 from tasks.masses import NOMINAL, Change
 from tasks.names import check_name
@@ -34,12 +35,20 @@ def declared(task: Task) -> None:
         f"horizon must be a whole number of 2 or more states, got {horizon!r}",
     )
     require(task.failure_modes, "failure_modes must name at least one")
+    modes = (DIVERGED, *task.failure_modes)
+    require(len(set(modes)) == len(modes), f"failure modes must differ, and from {DIVERGED!r}")
     model = task.model
+    for sensor in task.sensors:
+        require(
+            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor) >= 0,
+            f"sensors: the model has no sensor {sensor!r}",
+        )
     require(
         isinstance(joints, int) and 0 < joints <= model.njnt,
         f"robot_dim must be 1 to {model.njnt}, the joints of the model, got {joints!r}",
     )
     for joint in (model.joint(i) for i in range(task.robot_dim)):
+        require(joint.name, f"joint {joint.id} of the hand needs a name")
         require(
             joint.type[0] in _PLAIN, f"joint {joint.name!r} of the hand must be a hinge or a slide"
         )
@@ -57,13 +66,18 @@ def declared(task: Task) -> None:
         )
     names = [component.name for component in task.components]
     require(len(set(names)) == len(names), f"two numbers of the state have one name: {names}")
-    for box in (task.in_distribution, *task.out_of_distribution):
+    boxes = task.out_of_distribution
+    require(
+        isinstance(boxes, tuple) and all(isinstance(box, Range) for box in boxes),
+        f"out_of_distribution must be a tuple of ranges, got {boxes!r}",
+    )
+    for box in (task.in_distribution, *boxes):
         width = len(task.start_components)
         require(
             len(box.low) == len(box.high) == width and np.all(np.less(box.low, box.high)),
             f"a range of starts needs {width} numbers low, each below that of high: {box}",
         )
-    require(task.out_of_distribution, "out_of_distribution needs a range")
+    require(boxes, "out_of_distribution needs a range")
     require(task.model_hash, "the files of the model must be found")
 
 

@@ -107,9 +107,9 @@ def policies(task: Task) -> list[Callable[[], Policy]]:
 
 
 @cache
-def seen(task: Task) -> tuple[Seen, ...]:
+def seen(task: Task, split: str = "test") -> tuple[Seen, ...]:
     """Returns what is seen of each of the `policies`, once for all rules."""
-    starts = task.sample("test", COUNT, 1)
+    starts = task.sample(split, COUNT, 1)
     return tuple(observe(task, starts, make()) for make in policies(task))
 
 

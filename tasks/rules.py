@@ -48,10 +48,9 @@ def answers(task: Task) -> None:
         f"success must return {COUNT} booleans for {COUNT} episodes, got {success.dtype}"
         f" {success.shape}",
     )
-    for found in seen(task):
-        for name, numbers in (("state", found.states), ("read", found.readings[:, :, None])):
-            bad = np.argwhere(~np.isfinite(numbers))
-            require(not len(bad), f"{name} is not finite at {_place(task, name, bad)}")
+    for split in ("test", "ood"):
+        for found in seen(task, split):
+            _check_finite(task, found, split)
     found = seen(task)[0]
     others = task.failed_by(found.after_steps, found.watched[:, 1:])
     named = len(task.failure_modes) - 1
@@ -172,6 +171,12 @@ def success_judges_each_episode(task: Task) -> None:
     require(np.array_equal(kept, readings), "success writes to the readings")
 
 
+def random_actions_fail(task: Task) -> None:
+    """Random actions fail from at least one start: else success says nothing of a method."""
+    success = seen(task)[0].success
+    require(not success.all(), f"random actions succeed from each of {len(success)} starts")
+
+
 def decided_is_final(task: Task) -> None:
     """Once `decided`, no further reading changes success; nor does it that the episode ends."""
     starts = task.sample("test", COUNT, 1)
@@ -212,11 +217,32 @@ def _same(now: Seen, before: Seen, when: str) -> None:
             raise RuleBrokenError(f"the {name} of the same episodes differ {when}")
 
 
+def _check_finite(task: Task, found: Seen, split: str) -> None:
+    """Raises RuleBrokenError with the first number of episodes that is not finite."""
+    episode = int(np.argmax(found.diverged))
+    taken = found.actions.shape[1]
+    for name, numbers in (
+        ("action", found.actions),
+        ("state", found.states),
+        ("read", found.readings[:, :, None]),
+    ):
+        bad = np.argwhere(~np.isfinite(numbers))
+        require(
+            not len(bad), f"{name} is not finite at {_place(task, name, bad)} from {split} starts"
+        )
+    require(
+        not found.diverged.any(),
+        f"the simulation diverges in episode {episode} from {split} starts, within {taken} steps:"
+        " a model must bear random actions, and those of its expert",
+    )
+
+
 def _place(task: Task, name: str, places: IntArray) -> str:
     """The first of several places (N, 3): episode, control step and number."""
     episode, step, number = places[0] if len(places) else (0, 0, 0)
-    component = task.reading if name == "read" else task.components[number]
-    return f"control step {step} of episode {episode}: {component.name}"
+    named = {"read": task.reading.name, "action": f"action {number}"}
+    component = named.get(name) or task.components[number].name
+    return f"control step {step} of episode {episode}: {component}"
 
 
 def _rows(found: Seen, rows: IntArray) -> Seen:
@@ -261,5 +287,5 @@ def _possible_readings(task: Task) -> Iterator[FloatArray]:
             rng = generator("readings", task.name, number)
             runs = np.repeat(rng.choice(ends, readings.shape), 1 + number, axis=1)
             yield np.where(rng.random((len(readings), 1)) < 0.5, runs[:, : task.steps], readings)
-            begun = np.arange(task.steps) < rng.integers(1, task.steps)
+            begun = np.arange(task.steps) < rng.integers(1, max(task.steps, 2))
             yield np.where(begun, readings, rng.choice(ends, (len(readings), 1)))

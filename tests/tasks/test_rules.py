@@ -150,6 +150,30 @@ def slower(self):
     return spec
 
 
+def nowhere_far(self, batch):
+    place = batch.body("button").pos[:, :2].copy()
+    place[np.abs(place[:, 0]) > 0.1] = np.nan
+    return np.concatenate([place, batch.joint("depth").qpos], axis=1)
+
+
+class Lost(Idle):
+    def act(self, simulator, step):
+        return np.full((self._count, 3), np.nan)
+
+
+def stiff(self):
+    spec = Task.specification(self)
+    for actuator in spec.actuators:
+        actuator.gainprm[0], actuator.biasprm[1] = 4e9, -4e9
+    return spec
+
+
+def without_mesh(self):
+    spec = Task.specification(self)
+    spec.add_mesh(name="nothing", file="nothing.obj")
+    return spec
+
+
 def weighs(name, value):
     return {"heavy_object": Change("body", (name,), "mass", value, "kg")}
 
@@ -161,6 +185,19 @@ BROKEN = [
     ("declared", {"in_distribution": Range((-0.1, 0.1), (0.1, -0.1))}, "below that of high"),
     ("answers", {"object_components": (Component("depth", "m", "qpos depth"),)}, "state returns"),
     ("answers", {"failure_modes": ("missed", "too little")}, "failed_by must return 1 array"),
+    ("answers", {"object_state": nowhere_far}, "state is not finite at .*button_x from ood starts"),
+    (
+        "answers",
+        {"expert": lambda self: Lost()},
+        "action is not finite at .*action 0 from test starts",
+    ),
+    ("answers", {"specification": stiff}, "the simulation diverges in episode 0 from test starts"),
+    ("declared", {"failure_modes": ("missed", "missed")}, "failure modes must differ"),
+    ("declared", {"failure_modes": ("diverged", "missed")}, "failure modes must differ"),
+    ("declared", {"sensors": ("nosuch",)}, "the model has no sensor 'nosuch'"),
+    ("declared", {"out_of_distribution": Range((0.1, 0.1), (0.2, 0.2))}, "a tuple of ranges"),
+    ("declared", {"specification": without_mesh}, "press.xml cannot be read: .*nothing.obj"),
+    ("random_actions_fail", {"success": lambda self, r: r[:, -1] > -9}, "succeed from each of 6"),
     ("answers", {"success": lambda self, r: 1.0 * (r[:, -1] > 0.01)}, "booleans"),
     ("starts_in_range", {"sample": beyond}, "allowed is button_x in"),
     ("starts_in_range", {"sample": stretched}, "depend on how many are drawn"),
@@ -202,6 +239,10 @@ def test_a_fault_is_reported_once(press):
     results = list(check(broken))
     assert [result.rule for result in results if result.tried] == ["declared"]
     assert {result.message for result in results if not result.tried} == {"needs declared"}
+
+
+def test_a_task_of_a_single_control_step_keeps_the_rule_on_decisions(press):
+    RULES["decided_is_final"](type("Short", (press,), {"horizon": 2}))
 
 
 def test_success_that_is_certain_early_may_end_an_episode(press):
