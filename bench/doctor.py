@@ -22,7 +22,7 @@ from tasks.experts import experts_of, load_expert
 from tasks.files import writable_folder
 from tasks.packages import unreadable
 from tasks.pins import PINNED, UNPINNED, pin, processor
-from tasks.registry import FIRST, TASKS, get_task, package_tasks, unusable_tasks
+from tasks.registry import EXPERTS, TASKS, get_task, package_tasks, unusable_tasks
 
 PACKAGES = ("mujoco", "torch", "numpy", "scipy", "pandas", "pyarrow", "joblib", "matplotlib")
 LEAST_DISK = 15.0
@@ -136,13 +136,14 @@ def _experts() -> list[dict[str, Any]]:
 
 def _expert(task: Task) -> dict[str, Any]:
     brought = task.name not in TASKS
-    if brought and not experts_of(task):
-        return {"what": task.name, "found": "task of a package, without an expert", "advice": ""}
     try:
-        for name in experts_of(task) or (FIRST,):
+        names = experts_of(task) if brought else EXPERTS
+        for name in names:
             load_expert(task, name)
     except InputError as error:
         return {"what": task.name, "found": "no expert", "advice": str(error)}
-    expert = "task of a package, with an expert" if brought else "expert shipped"
+    if not names:
+        return {"what": task.name, "found": "task of a package, without an expert", "advice": ""}
+    expert = "task of a package, with an expert" if brought else "experts shipped"
     made = "made" if demos_path(task, 1).exists() else "not made yet"
     return {"what": task.name, "found": f"{expert}, demonstrations {made}", "advice": ""}

@@ -51,7 +51,11 @@ def _try(name: str) -> None:
 
 
 def _use(name: str) -> None:
+    from tasks.experts import experts_of
     from tasks.simulator import Simulator
 
     task = get_task(name)
-    Simulator(task, task.sample("test", 1)).state()
+    simulator = Simulator(task, task.sample("test", 1))
+    simulator.state()
+    task.read(simulator.batch)
+    experts_of(task)

@@ -7,6 +7,7 @@ from bench.labels import VALIDATION
 from bench.presets import SMALLEST, Study
 from methods.base import Method
 from methods.registry import get_method
+from tasks.errors import unknown_name
 from tasks.registry import get_task
 
 if TYPE_CHECKING:
@@ -68,10 +69,16 @@ def compared_sizes(study: Study, method: type[Method]) -> list[str]:
 
 
 def used_size(study: Study, method: type[Method], task: str, chosen: Sizes) -> str:
-    """Returns the size of a method in every experiment but ``sizes``."""
+    """Returns the size of a method in every experiment but ``sizes``.
+
+    Raises:
+        InputError: the task names a size that the method has not.
+    """
     if (task, method.name) in chosen:
         return chosen[task, method.name]
     compared = compared_sizes(study, method)
     own = method.default_size.get(task) or get_task(task).default_sizes.get(method.name)
+    if own and own not in method.sizes:
+        raise unknown_name(f"size of {method.name} in default_sizes of {task}", own, method.sizes)
     default = own or compared[0]
     return default if default in compared else compared[0]

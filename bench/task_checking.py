@@ -26,7 +26,10 @@ def check_task_apart(name: str) -> Checked:
     if name not in task_names():
         raise unknown_task(name)
     check_free(name)
-    apart(_import, name)
+    try:
+        apart(_import, name)
+    except InputError as error:
+        raise InputError(f"task {name!r} cannot be used: {error}") from error
     try:
         found, digest = apart(_tried, name)
     except InputError as error:

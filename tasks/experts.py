@@ -16,7 +16,7 @@ from safetensors.numpy import load
 
 from tasks.base import Task
 from tasks.data import FloatArray
-from tasks.errors import InputError, unknown_name
+from tasks.errors import InputError, described, unknown_name
 from tasks.masses import NOMINAL
 from tasks.registry import EXPERTS, FIRST
 from tasks.simulator import Policy, Simulator, rollout
@@ -79,23 +79,27 @@ class LoadedExpert:
 
 
 def experts_of(task: Task) -> tuple[str, ...]:
-    """Returns which of `EXPERTS` a task has."""
+    """Returns which of `EXPERTS` a task has.
+
+    Raises:
+        InputError: a task of a package cannot make its expert.
+    """
     found = tuple(name for name in EXPERTS if _card_path(task, name).exists())
-    return found or ((FIRST,) if task.expert() is not None else ())
+    return found or ((FIRST,) if _own(task) is not None else ())
 
 
 def load_expert(task: Task, name: str = FIRST) -> LoadedExpert:
     """Returns an expert of a task.
 
     Raises:
-        InputError: it has no such expert, or shipped weights do not match the SHA-256 on their
-            card.
+        InputError: it has no such expert, a task of a package cannot make it, or the files of a
+            shipped one are not as they were shipped.
     """
     path, known = _card_path(task, name), experts_of(task)
     if known and name not in known:
         raise unknown_name(f"expert of {task.name}", name, known)
     if not path.exists():
-        own = task.expert()
+        own = _own(task)
         if own is None:
             raise InputError(
                 f"task {task.name!r} has no expert: give demonstrations with --demos FILE; `bench"
@@ -104,7 +108,27 @@ def load_expert(task: Task, name: str = FIRST) -> LoadedExpert:
             )
         return LoadedExpert(own, {})
     weights = path.with_suffix(".safetensors")
-    return _shipped(path, weights, path.stat().st_mtime_ns, weights.stat().st_mtime_ns)
+    try:
+        return _shipped(path, weights, path.stat().st_mtime_ns, weights.stat().st_mtime_ns)
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"the {name} expert of {task.name} cannot be read ({described(error)}): reinstall the"
+            " package"
+        ) from error
+
+
+def _own(task: Task) -> Policy | None:
+    """Returns the expert of a package's task, None if it has none."""
+    try:
+        return task.expert()
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"the expert of task {task.name!r} cannot be made: {described(error)}"
+        ) from error
 
 
 @lru_cache

@@ -30,8 +30,9 @@ def check_name(kind: str, name: object, taken: Iterable[str] = ()) -> None:
         InputError: the name is not allowed.
     """
     what = f"a {kind}"
-    if not (isinstance(name, str) and _NAME.fullmatch(name)):
-        raise refusal(what, name, f"use 1 to {LONGEST} of a-z, 0-9 and _, a letter first")
+    if fault := word_fault(name):
+        raise refusal(what, name, fault)
+    assert isinstance(name, str)
     if keyword.iskeyword(name):
         raise refusal(what, name, "it is a keyword of Python")
     if name in sys.stdlib_module_names:
@@ -40,6 +41,13 @@ def check_name(kind: str, name: object, taken: Iterable[str] = ()) -> None:
         raise refusal(what, name, "the suite itself uses the name")
     if name in taken:
         raise refusal(what, name, "there is a method, task or preset of that name already")
+
+
+def word_fault(name: object) -> str:
+    """Returns why something is not a word that can name files and options, or an empty text."""
+    if isinstance(name, str) and _NAME.fullmatch(name):
+        return ""
+    return f"use 1 to {LONGEST} of a-z, 0-9 and _, a letter first"
 
 
 def check_new_name(kind: str, name: str, taken: Iterable[str]) -> None:

@@ -96,6 +96,7 @@ def _of_package(name: str, rule: str) -> Task:
 def class_fault(found: object, name: str) -> str:
     """Returns why an object is not the class of a task of that name, or an empty text."""
     from tasks.base import REQUIRED, Task  # imports MuJoCo
+    from tasks.names import word_fault
 
     if not (isinstance(found, type) and issubclass(found, Task)):
         return f"it must be a subclass of tasks.base.Task, got a {type(found).__name__}"
@@ -104,4 +105,9 @@ def class_fault(found: object, name: str) -> str:
         return f"the class lacks {', '.join(sorted(lacks))}"
     if found.name != name:
         return f"the class must have the name {name!r}, as its entry point has"
+    if not callable(found.expert):
+        return f"expert must be a method, got {found.expert!r}: leave it out if there is none"
+    for change in found.changes:
+        if fault := word_fault(change):
+            return f"one of its changes cannot be called {change!r}: {fault}"
     return ""

@@ -39,6 +39,14 @@ def test_weights_that_no_longer_match_their_card_are_refused(task, shipped, tmp_
     path.write_bytes(data)
     with pytest.raises(InputError, match="but its card says"):
         experts.load_expert(task)
+    card = path.with_suffix(".json")
+    for content in (b'{"task": ', b"{}", b"\xff", b"[]"):
+        card.write_bytes(content)
+        with pytest.raises(InputError, match=r"first expert of \w+ cannot be read .*: reinstall"):
+            experts.load_expert(task)
+    path.unlink()
+    with pytest.raises(InputError, match=r"first expert of \w+ cannot be read .*: reinstall"):
+        experts.load_expert(task)
 
 
 def test_a_task_without_an_expert_says_how_to_give_demonstrations(task, tmp_path, monkeypatch):
