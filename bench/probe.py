@@ -8,6 +8,7 @@ a minimum to pass, and does not rank experts.
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from tasks.data import Demos, FloatArray, Layout
 from tasks.demos import TRAINING, VALIDATION, split
 from tasks.experts import Expert
 from tasks.files import whole_file
-from tasks.recorder import make_demos
+from tasks.recorder import TooFewError, make_demos
 from tasks.simulator import Policy, rollout
 from tasks.words import count_of
 
@@ -114,11 +115,13 @@ def _imitated(
 def complete_card(task: Task, path: Path) -> list[str]:
     """Adds ``imitation`` and ``faults`` to the card of a trained expert; returns the faults.
 
-    The weights lie beside the card. See `probe` and `faults`.
+    An expert that succeeds too rarely to demonstrate has no ``imitation``. The weights lie beside
+    the card. See `probe` and `faults`.
     """
     card = json.loads(path.read_text())
     expert = Expert(load(path.with_suffix(".safetensors").read_bytes()))
-    card["imitation"] = probe(task, expert, PROBED, ControllerConfig(), PROBED_SEEDS)
+    with suppress(TooFewError):
+        card["imitation"] = probe(task, expert, PROBED, ControllerConfig(), PROBED_SEEDS)
     card["faults"] = faults(card)
     with whole_file(path) as file:
         file.write_text(json.dumps(card, indent=2) + "\n")
@@ -126,11 +129,13 @@ def complete_card(task: Task, path: Path) -> list[str]:
 
 
 def faults(card: Mapping[str, Any]) -> list[str]:
-    """Returns why an expert must not be shipped, given its card with ``imitation``, see `probe`.
+    """Returns why an expert must not be shipped, given its card.
 
-    The rule is in docs/protocol.md.
+    Without ``imitation``, see `probe`, none of its motions count as tracked. The rule is in
+    docs/protocol.md.
     """
-    imitation, succeeded = card["imitation"], card["success"]["probe"]["successes"]
+    imitation = card.get("imitation", {"tracked": 0.0, "kodex": 0.0})
+    succeeded = card["success"]["probe"]["successes"]
     reached = {
         "of the starts of probe end in success": (succeeded / card["episodes"], EXPERT_FLOOR),
         "of the recorded motions are tracked": (imitation["tracked"], TRACKED_FLOOR),

@@ -18,6 +18,10 @@ BLOCK = 300
 """Number of starts that `collect` tries at a time."""
 
 
+class TooFewError(InputError):
+    """A policy succeeds too rarely to demonstrate."""
+
+
 class Recorder:
     """Wraps a policy and records the states that it sees and the actions that it takes."""
 
@@ -124,7 +128,7 @@ def collect(
         seed: of the starts, see `tasks.base.Task.sample`.
 
     Raises:
-        InputError: fewer than one episode in ten succeeds.
+        TooFewError: fewer than one episode in ten succeeds.
     """
     success = np.zeros(0, np.bool_)
     found: list[Demos] = []
@@ -134,7 +138,7 @@ def collect(
         success = np.concatenate([success, tried])
         found.append(demos)
         if 10 * success.sum() < len(success):
-            raise InputError(
+            raise TooFewError(
                 f"{who} succeeded in {success.sum()} of {count_of(len(success), 'episode')} of"
                 f" {task.name}, fewer than one in ten, which is too few to learn from; actions are"
                 f" set-points in [-1, 1], and `bench describe {task.name}` says when an episode"

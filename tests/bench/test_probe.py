@@ -63,6 +63,24 @@ def test_a_card_is_completed_with_imitation_and_verdict(task, shipped, tmp_path,
     assert len(told["imitation"]["of_seed"]) == 2
 
 
+@pytest.mark.parametrize("task", ["door"], indirect=True)
+def test_an_expert_that_cannot_demonstrate_has_a_verdict_too(task, shipped, tmp_path, monkeypatch):
+    monkeypatch.setattr(type(task), "success", lambda self, readings: readings[:, 0] < -9)
+    path = tmp_path / "experts" / "first" / "door.json"
+    success = {"probe": {"successes": 0, "diverged": 0}}
+    card = json.loads(path.read_text()) | CARD | {"success": success}
+    path.write_text(json.dumps({name: card[name] for name in card if name != "imitation"}))
+    faults = probe.complete_card(task, path)
+    assert [fault.partition(",")[0] for fault in faults] == [
+        "0.00% of the starts of probe end in success",
+        "0.00% of the recorded motions are tracked",
+        "0.00% is the success of KODex",
+    ]
+    told = json.loads(path.read_text())
+    assert told["faults"] == faults
+    assert "imitation" not in told
+
+
 REPEATABLE = [
     (task, name)
     for task in TASKS
