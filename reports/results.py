@@ -20,7 +20,7 @@ from reports.remarks import OWN, Remark, remarks_on_the_expert
 from reports.rows import Rows
 from reports.style import METHODS, display, ordered
 from tasks.errors import InputError
-from tasks.registry import EXPERTS, FIRST, TASKS
+from tasks.registry import EXPERTS, FIRST, SECOND, TASKS
 
 SPLITS = ("test", "ood")
 """The splits on which methods are compared: in and out of distribution."""
@@ -107,7 +107,18 @@ class Results:
     @property
     def notes(self) -> list[str]:
         """What a reader must know of all results, such as a reduced protocol."""
-        return self.source.notes() + (self.mixed.notes if self.mixed else [])
+        return [*self.source.notes(), *self._on_experts, *(self.mixed.notes if self.mixed else [])]
+
+    @property
+    def _on_experts(self) -> list[str]:
+        if self.expert == SECOND:
+            return ["All methods learnt from the second expert of a task."]
+        if SECOND in self.experts:
+            return [
+                "What the second expert of a task taught has tables of its own in `bench report`,"
+                " such as expert_change_test."
+            ]
+        return []
 
     @cached_property
     def remarks(self) -> list[Remark]:
