@@ -43,7 +43,7 @@ from tasks.experts import CLIP, Expert, evaluate
 from tasks.files import whole_file
 from tasks.pins import mark
 from tasks.product import product
-from tasks.recipes import Recipe, recipe_of
+from tasks.recipes import Recipe, Reward, recipe_of
 
 CARD_EPISODES = 10_000
 """Episodes of each split on which the card's success is measured."""
@@ -176,12 +176,19 @@ class Training:
         restore(tensors, self.model, self.env)
 
     def _learnt_on(self) -> dict[str, Any]:
-        source = inspect.getsource(self.recipe.reward).encode()
         return {
             "version": self.task.version,
             "model": self.task.model_hash,
-            "reward": hashlib.sha256(source).hexdigest(),
+            "reward": hashlib.sha256(_source(self.recipe.reward).encode()).hexdigest(),
         }
+
+
+def _source(function: Reward) -> str:
+    """Returns the source of a function; empty if it was typed in and is in no file."""
+    try:
+        return inspect.getsource(function)
+    except OSError:
+        return ""
 
 
 def write_expert(task: Task, folder: Path) -> Path:

@@ -7,9 +7,11 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from safetensors.numpy import load_file
 
 from bench import guest_tasks
 from bench.backend import Workers
@@ -18,9 +20,10 @@ from bench.presets import PRESETS
 from bench.renderer import renderer
 from bench.results import Results
 from bench.studies import study_of
-from tasks import registry
+from tasks import expert_training, registry
 from tasks.checks import RULES
 from tasks.errors import InputError
+from tasks.experts import Expert, evaluate
 from tasks.packages import PackageError
 from tasks.registry import TASKS, get_task, task_names, unusable_tasks
 
@@ -109,7 +112,9 @@ def test_the_page_on_tasks_runs_from_new_task_to_a_film(follow, monkeypatch):
             if "Quick" in written:
                 for rule in RULES:
                     RULES[rule](written["Quick"])
-            else:
+            elif "Learnt" in written:
+                trains_and_demonstrates(written["Learnt"](), monkeypatch)
+            elif "test_it_keeps_the_contract" in written:
                 written["test_it_keeps_the_contract"]("declared")
         else:
             shown = code.splitlines()
@@ -127,6 +132,18 @@ def test_the_page_on_tasks_runs_from_new_task_to_a_film(follow, monkeypatch):
     assert mine[mine.method == "nearest"].demos_key.nunique() == 1
 
 
+def trains_and_demonstrates(task, monkeypatch):
+    """Trains the expert of the page for an iteration, and reads its weights as the page does."""
+    small = replace(task.recipe, steps=4 * task.steps, episodes=4, minibatches=2)
+    monkeypatch.setattr(type(task), "recipe", small)
+    monkeypatch.setattr(expert_training, "CARD_EPISODES", 4)
+    expert_training.train(task, Path("training"), lambda row: None, threads=1)
+    card = expert_training.write_expert(task, Path("training"))
+    assert card.name == "press.json"
+    expert = Expert(load_file(card.with_suffix(".safetensors")))
+    assert set(evaluate(task, expert, "probe", 2)) == {"successes", "diverged"}
+
+
 def test_a_task_of_a_package_joins_only_when_it_is_named(install):
     install()
     assert task_names() == [*TASKS, "mine"]
@@ -138,7 +155,7 @@ def test_check_task_names_the_broken_rule_and_what_it_asks(install, bench):
     install("    def place(self, batch, values):\n        pass\n")
     code, said, _ = bench("check-task", "mine")
     assert code == 3
-    assert said.startswith("mine: 13 of 14 rules hold, ")
+    assert said.startswith("mine: 14 of 15 rules hold, ")
     assert "BROKEN starts_show_in_the_state: another button_x gives the same first state" in said
     assert "the rule: Each number of a start changes the first state" in said
 
@@ -202,6 +219,8 @@ def test_a_package_cannot_take_a_name_that_is_in_use(install, bench, name):
         ({"before": "raise SystemExit(3)"}, "cannot be imported: SystemExit: 3"),
         ({"body": "    read = property()\n    from abc import abstractmethod\n"
           "    @abstractmethod\n    def more(self): ...\n"}, "the class lacks more"),
+        ({"body": "    expert = None\n"}, "expert must be a method, got None: leave it out"),
+        ({"body": "    changes = {'../heavy': None}\n"}, "cannot be called '../heavy': use 1 to"),
     ],
 )  # fmt: skip
 def test_a_class_that_is_no_task_is_refused_with_the_reason(install, bench, change, reason):
@@ -215,9 +234,22 @@ def test_a_class_that_is_no_task_is_refused_with_the_reason(install, bench, chan
 
 def test_a_package_that_ends_the_process_on_import_ends_no_command(install, bench):
     install(before="import os\nos._exit(5)")
-    code, _, error = bench("run", "smoke", "--tasks", "mine", "--out", "out")
-    assert code == 2
-    assert "task 'mine' cannot be used: its process ended with exit code 5" in error
+    for words in (("run", "smoke", "--tasks", "mine", "--out", "out"), ("check-task", "mine")):
+        code, _, error = bench(*words)
+        assert code == 2
+        assert "task 'mine' cannot be used: its process ended with exit code 5" in error
+
+
+def test_an_expert_that_cannot_be_made_ends_no_command(install, bench):
+    install("    def expert(self):\n        raise OSError('no file')\n")
+    reason = "the expert of task 'mine' cannot be made: OSError: no file (mine.py:7 in expert)"
+    for words in (("run", "smoke", "--tasks", "mine", "--out", "out"), ("describe", "mine")):
+        code, _, error = bench(*words)
+        assert code == 2
+        assert f"task 'mine' cannot be used: {reason}" in error
+    assert reason in bench("check-task", "mine")[1]
+    rows = {row["what"]: row for row in json.loads(bench("doctor", "--json")[1])}
+    assert reason in rows["task 'mine'"]["advice"]
 
 
 def test_a_task_chooses_sizes_of_methods(install):
@@ -228,6 +260,26 @@ def test_a_task_chooses_sizes_of_methods(install):
     study = study_of("paper", tasks="mine")
     assert used_size(study, get_method("nn"), "mine", {}) == "median"
     assert used_size(study, get_method("lstm"), "mine", {}) == "small"
+
+
+def test_a_size_that_a_method_has_not_is_refused(install, bench):
+    install("    default_sizes = {'nn': 'larg', 'of_another_package': 'small'}\n")
+    code, _, error = bench("run", "smoke", "--tasks", "mine", "--methods", "nn", "--out", "out")
+    assert code == 2
+    assert "unknown size of nn in default_sizes of mine 'larg'" in error
+    assert "did you mean 'large'?" in error
+
+
+@pytest.mark.parametrize("name", ["script", "range", "task_", "component"])
+def test_new_task_writes_a_task_that_works_under_any_name(tmp_path, monkeypatch, name):
+    write_package("tasks.template", name, tmp_path / "source")
+    monkeypatch.syspath_prepend(str(tmp_path / "source"))
+    monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.delitem(sys.modules, name)
+    written = importlib.import_module(name)
+    kind = getattr(written, "".join(part.capitalize() for part in name.split("_")))
+    for rule in ("declared", "expert_demonstrates"):
+        RULES[rule](kind)
 
 
 @pytest.mark.parametrize("name", ["Mine", "door", "kodex", "smoke", "random", "numpy"])
