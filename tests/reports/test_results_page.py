@@ -85,7 +85,7 @@ def test_what_the_second_expert_changes(split):
     shown = table(f"<!-- expert_change_{split} -->")
     assert len(shown) == 8
     for method, cells in shown.items():
-        for task, cell in zip(["tool", "door", "reorientation"], cells, strict=True):
+        for task, cell in zip(TASKS, cells, strict=True):
             value = float(cell.split(" ")[0])
             assert value == pytest.approx(change[method][task], abs=0.05 + 1e-9), (method, task)
 
