@@ -74,7 +74,7 @@ EXHIBITS = tuple(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
         about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert. The two come from separate trainings, whose settings may differ.",
+        " first or second expert. The two come from two trainings by one recipe.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,
