@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -42,12 +43,21 @@ def names_beside_tasks() -> list[str]:
     return [*method_names(), *experiment_names(), *PRESETS]
 
 
-@cache
-def _try(name: str) -> None:
+def use_apart(use: Callable[[str], None], name: str) -> None:
+    """Calls a function with the name of a task in a process of its own.
+
+    Raises:
+        InputError: it fails there; the message names the task.
+    """
     try:
-        apart(_use, name)
+        apart(use, name)
     except InputError as error:
         raise InputError(f"task {name!r} cannot be used: {error}") from error
+
+
+@cache
+def _try(name: str) -> None:
+    use_apart(_use, name)
 
 
 def _use(name: str) -> None:

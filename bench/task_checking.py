@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from bench.checked import ANOTHER_PROCESS, PRINTED, Checked
-from bench.guest_tasks import check_free
+from bench.guest_tasks import check_free, use_apart
 from bench.isolation import afresh, apart, printed
 from tasks.checks import FIRST, check
 from tasks.errors import InputError
@@ -26,10 +26,7 @@ def check_task_apart(name: str) -> Checked:
     if name not in task_names():
         raise unknown_task(name)
     check_free(name)
-    try:
-        apart(_import, name)
-    except InputError as error:
-        raise InputError(f"task {name!r} cannot be used: {error}") from error
+    use_apart(_import, name)
     try:
         found, digest = apart(_tried, name)
     except InputError as error:

@@ -110,9 +110,9 @@ def load_expert(task: Task, name: str = FIRST) -> LoadedExpert:
     weights = path.with_suffix(".safetensors")
     try:
         return _shipped(path, weights, path.stat().st_mtime_ns, weights.stat().st_mtime_ns)
+    except InputError:
+        raise
     except (OSError, KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(
             f"the {name} expert of {task.name} cannot be read ({described(error)}): reinstall the"
             " package"
