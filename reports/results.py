@@ -115,8 +115,8 @@ class Results:
             return ["All methods learnt from the second expert of a task."]
         if SECOND in self.experts:
             return [
-                "What the second expert of a task taught has tables of its own in `bench report`,"
-                " such as expert_change_test."
+                "What the second expert of a task taught has tables of its own in a report, such as"
+                " expert_change_test."
             ]
         return []
 
