@@ -91,7 +91,10 @@ def fit_methods(
         learnt = learn(method, first.config, layout, demos, validation, [fit.seed for fit in fits])
         seconds = (time.process_time() - began) / len(fits)
         found = zip(learnt, map(_diagnostics, learnt, validation), strict=True)
-        return [_fitted(one.parameters, diagnostics, seconds) for one, diagnostics in found]
+        return [
+            _fitted(one.parameters, diagnostics, seconds, first.method, first.task)
+            for one, diagnostics in found
+        ]
 
 
 def load_weights(fit: Fit, content: bytes, validation: Demos) -> Fitted:
@@ -111,7 +114,7 @@ def load_weights(fit: Fit, content: bytes, validation: Demos) -> Fitted:
     with guarded("weights", fit.label), _named([fit]):
         learnt = stored(loaded(method, fit.config, layout, content), fit.config, layout)
         answer(learnt.method, validation)
-        return _fitted(content, _diagnostics(learnt, validation), 0.0)
+        return _fitted(content, _diagnostics(learnt, validation), 0.0, fit.method, fit.task)
 
 
 def _diagnostics(learnt: Learnt, validation: Demos) -> Parameters:
@@ -121,9 +124,9 @@ def _diagnostics(learnt: Learnt, validation: Demos) -> Parameters:
     return diagnostics
 
 
-def _fitted(parameters: bytes, diagnostics: Parameters, seconds: float) -> Fitted:
+def _fitted(parameters: bytes, diagnostics: Parameters, seconds: float, *names: str) -> Fitted:
     shown = to_bytes(diagnostics) if diagnostics else b""
-    return Fitted(parameters, shown, seconds, provenance(seconds))
+    return Fitted(parameters, shown, seconds, provenance(seconds, *names))
 
 
 def imitation_error(method: MotionMethod, validation: Demos) -> FloatArray:
@@ -163,7 +166,7 @@ def evaluate(
             if isinstance(policy, TrackedMotion | FeedbackPolicy):
                 episodes = replace(episodes, non_finite=policy.non_finite(row))
             parts.append(episodes)
-    return [Evaluated(join_episodes(parts), software())]
+    return [Evaluated(join_episodes(parts), software(cell.fit.method, cell.fit.task))]
 
 
 @contextmanager

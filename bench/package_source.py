@@ -1,4 +1,4 @@
-"""The source of a method's package, as the SHA-256 of each file. Nothing of it is imported."""
+"""The source of packages that bring methods and tasks, as SHA-256. Nothing of it is imported."""
 
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -10,6 +10,8 @@ from pathlib import Path
 from methods.registry import ENTRY_POINTS, package_methods, unknown_method
 from tasks.errors import InputError, described
 from tasks.packages import entry_points_of, owners
+from tasks.registry import ENTRY_POINTS as TASK_ENTRY_POINTS
+from tasks.registry import package_tasks
 
 _COMPILED = "__pycache__"
 
@@ -51,6 +53,31 @@ def package_source(method: str) -> PackageSource:
             f"the source of {owners([point])} cannot be read: {described(error)}"
         ) from error
     return PackageSource(owners([point]), point.dist.version if point.dist else "", files)
+
+
+def code_of(*names: str) -> dict[str, str]:
+    """Returns, by the name of a method or a task, a SHA-256 of the Python files of its package.
+
+    Names of the suite's own are left out, and those of packages that are not installed or cannot be
+    read. Other files do not count, since a package may hold gigabytes of them.
+    """
+    points = {
+        one.name: one for one in entry_points_of(ENTRY_POINTS) if one.name in package_methods()
+    }
+    points |= {
+        one.name: one for one in entry_points_of(TASK_ENTRY_POINTS) if one.name in package_tasks()
+    }
+    found = {name: _code(points[name]) for name in names if name in points}
+    return {name: digest for name, digest in found.items() if digest}
+
+
+def _code(point: EntryPoint) -> str:
+    try:
+        files = [one for module in _modules(point) for one in _files(module)]
+        digests = [(name, _digest(path)) for name, path in files if path.suffix == ".py"]
+    except (ImportError, OSError, ValueError):
+        return ""
+    return hashlib.sha256(repr(digests).encode()).hexdigest()
 
 
 def _modules(point: EntryPoint) -> list[str]:

@@ -1,5 +1,6 @@
-"""Remarks on results in which a method's answers were not finite."""
+"""Remarks on results: answers of a method that were not finite, and packages edited since."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,7 +19,32 @@ def who_answers(method: str, variant: str, task: str, seeds: Sequence[int]) -> s
 
 
 def remarks(results: "Results") -> list[str]:
-    """Returns a line for each method and task with such answers in the requested evaluations.
+    """Returns a line for each method and task with such answers, and for each edited package."""
+    return [*_non_finite(results), *_edited(results)]
+
+
+def _edited(results: "Results") -> list[str]:
+    """A line for each method or task whose package has other code than when results were computed.
+
+    The key of a result holds the version of its method and task, but not their code.
+    """
+    from bench.package_source import code_of  # slow to import, and most results do without
+
+    before = list(filter(None, results.code()))
+    now = code_of(*{name for items in before for name, _ in items}) if before else {}
+    stale = Counter(
+        name for items in before for name in {n for n, code in items if now.get(n, code) != code}
+    )
+    return [
+        f"the code of {name} has changed since {count_of(count, 'stored evaluation')} of it"
+        f" {'was' if count == 1 else 'were'} computed: if it now gives other results, raise"
+        " `version` in its class and run again"
+        for name, count in sorted(stale.items())
+    ]
+
+
+def _non_finite(results: "Results") -> list[str]:
+    """A line for each method and task with such answers in the requested evaluations.
 
     For example ``badact on door, seed 1: act returned NaN or inf for 17 of 20 starts, first at
     t=30; these episodes diverge there, which is a failure``. Evaluations and seeds are added up.

@@ -42,6 +42,7 @@ from bench.stored_files import (
     read_failure,
     read_learnt,
     read_times,
+    software_of,
 )
 from tasks.data import NonFinite
 from tasks.errors import InputError
@@ -244,6 +245,17 @@ class Results:
             labels, count = self._evaluation(wanted)
             if "non_finite" in labels and (record := self._fit(wanted.fit)):
                 yield record["spec"], count, non_finite_of(labels)
+
+    def code(self) -> Iterator[set[tuple[str, str]]]:
+        """Yields, for each stored evaluation, the packages' code that computed it and its fit.
+
+        It has the items of ``code`` of `bench.provenance.software`.
+        """
+        for wanted in self.manifest().wanted:
+            labels, count = self._evaluation(wanted)
+            if count:
+                parts = [self.fit_facts(wanted.fit), *software_of(labels)]
+                yield {item for part in parts for item in part.get("code", {}).items()}
 
     # Failures
     def failures(self) -> list[dict[str, Any]]:

@@ -32,7 +32,8 @@ EXPERTS = FIRST, SECOND = ("first", "second")
 JUDGED_OTHERWISE = {"tool": "PublishedTool", "reorientation": "PublishedReorientation"}
 """Tasks for which the published code has another success rule than appendix C."""
 
-_BROUGHT = Group("bench.tasks", "task", TASKS)
+ENTRY_POINTS = "bench.tasks"
+_BROUGHT = Group(ENTRY_POINTS, "task", TASKS)
 
 
 def task_names() -> list[str]:
