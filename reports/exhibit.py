@@ -91,7 +91,10 @@ class Exhibit:
         if "basis" in table:
             about = _BASES | {ONE_SEED: footnote_on_single_fits("letters" if lettered else "")}
             notes += [note for basis, note in about.items() if (table.basis == basis).any()]
-        return [*notes, LETTERS, self._smallest_shown(table)] if lettered else notes
+        if not lettered:
+            return notes
+        known = "detectable" in table
+        return [*notes, LETTERS, *([self._smallest_shown(table)] if known else [])]
 
     def _smallest_shown(self, table: pd.DataFrame) -> str:
         """Says what differences the seeds could have shown, by column."""

@@ -7,10 +7,11 @@ from matplotlib.figure import Figure
 
 from reports.charts import add_legend, add_line, task_panels
 from reports.exhibit import Exhibit
+from reports.exhibits.success import success_of
 from reports.pairing import keep_common
 from reports.results import Results
 from reports.style import METHODS, ordered
-from reports.tables import in_order, success_table, table_of
+from reports.tables import in_order, table_of
 from tasks.registry import EXPERTS, TASKS
 
 BESIDE = 0.06
@@ -20,7 +21,7 @@ BESIDE = 0.06
 def by_expert(results: Results, split: str) -> pd.DataFrame:
     """Returns a row for each method under each expert, and a column for each task.
 
-    See `of_both` for which methods and tasks.
+    See `of_both` for which methods and tasks. Letters compare the methods under one expert.
     """
     rows = of_both(results, split)
     if rows.empty:
@@ -28,7 +29,7 @@ def by_expert(results: Results, split: str) -> pd.DataFrame:
     parts = []
     for name in EXPERTS:
         mine = rows[rows.expert == name]
-        found = success_table(results.taught_by(name), mine, "method", "task")
+        found = success_of(results.taught_by(name), mine).drop(columns="detectable")
         parts.append(found.assign(method=found.row, expert=name, row=found.row + " " + name))
     order = [f"{method} {name}" for method in METHODS for name in EXPERTS]
     return in_order(pd.concat(parts), order)
@@ -74,7 +75,8 @@ EXHIBITS = tuple(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
         about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert. The two come from two trainings by one recipe.",
+        " first or second expert. The two come from two trainings by one recipe. Letters compare"
+        " methods under one expert.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,

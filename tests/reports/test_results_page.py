@@ -1,10 +1,15 @@
-"""Numbers of docs/results.md, found again from the shipped files with pandas alone."""
+"""Numbers of docs/results.md, found again from the shipped files; all but letters with pandas alone."""
 
 import re
+from itertools import combinations
 from pathlib import Path
 
 import pandas as pd
 import pytest
+
+from bench.packed import shipped
+from reports.exhibits.two_experts import by_expert
+from reports.results import Results
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/results.md").read_text()
@@ -122,3 +127,19 @@ def test_success_in_changed_physics():
     assert len(said) == len(learnt)
     for name, value in said:
         assert float(value) == pytest.approx(learnt[name.lower()], abs=0.05 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("split", "pairs"), [("test", {"first": 0, "second": 17}), ("ood", {"first": 11, "second": 11})]
+)
+def test_pairs_told_apart_under_each_expert(split, pairs):
+    rows = by_expert(Results(shipped()), split).query("method != 'expert'")
+    assert {name: told_apart(part) for name, part in rows.groupby("expert")} == pairs
+    assert "17 pairs of 84, and none with the first" in PAGE
+    assert "there are 11 pairs with either" in PAGE
+
+
+def told_apart(rows: pd.DataFrame) -> int:
+    """How many pairs of methods of a task share no letter."""
+    letters = [part["letters"] for _, part in rows.groupby("column")]
+    return sum(not {*one} & {*other} for part in letters for one, other in combinations(part, 2))
