@@ -1,4 +1,4 @@
-"""Numbers of docs/results.md, found again from the shipped files; all but letters with pandas alone."""
+"""Numbers of docs/results.md from the shipped files, all but letters with pandas alone."""
 
 import re
 from itertools import combinations
