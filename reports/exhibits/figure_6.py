@@ -81,7 +81,8 @@ EXHIBIT = Exhibit(
     about=(
         "Mean absolute error of the predicted joints on the validation demonstrations, t = 2..T;"
         " success [%] on test starts. The error is the median over seeds, since a diverging"
-        " prediction makes a mean of any size; success is their mean. Published: figure only."
+        " prediction makes a mean of any size; success is their mean."
+        " The paper has a figure without numbers."
     ),
     table=table,
     part="KODex inside",

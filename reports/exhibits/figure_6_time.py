@@ -27,7 +27,7 @@ EXHIBIT = Exhibit(
     title="Figure 6, left: fit time by choice of observables",
     about=(
         "Seconds to fit K, lifting included: the median of three fits on one thread, alone on the"
-        " machine (bench time). Published: figure only."
+        " machine (bench time). The paper has a figure without numbers."
     ),
     table=table,
     part="KODex inside",

@@ -50,7 +50,8 @@ EXHIBIT = Exhibit(
     name="figure_7",
     title="Figure 7: eigenvalue magnitudes",
     about="Eigenvalues of K by magnitude, mean count over seeds. Modes grow beyond the dashed line"
-    " at 1. Directions that the cut-off removed are among those at 0. Published: figure only.",
+    " at 1. Directions that the cut-off removed are among those at 0."
+    " The paper has a figure without numbers.",
     table=table,
     part="KODex inside",
     unit="",

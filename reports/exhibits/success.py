@@ -53,7 +53,7 @@ def table(results: Results) -> pd.DataFrame:
 EXHIBIT = Exhibit(
     name="success",
     title="Success on test starts",
-    about="Success [%] from test starts, which are unseen and in distribution. Published: figure"
-    " only.",
+    about="Success [%] from test starts, which are unseen and in distribution. The paper has a"
+    " figure without numbers.",
     table=table,
 )
