@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -52,8 +52,8 @@ def spread_over_seeds(frame: pd.DataFrame, tasks: Sequence[str]) -> Spread | Non
     """Returns the spread of the suite's methods on some tasks; None with too few common seeds.
 
     Counted are evaluations from starts of ``test`` in nominal physics, of fits as described to the
-    most demonstrations, at the size that does best on validation starts (else the default size),
-    with the original controller.
+    most demonstrations, at that of their sizes which does best on validation starts (else the
+    default size), with the original controller.
 
     Args:
         frame: stored evaluations, see `bench.source.Source.frame`.
@@ -105,12 +105,16 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
         & (frame.held_out == 0)
         & frame.controller.isin([ORIGINAL, NO_CONTROLLER])
     ]
-    chosen = chosen_sizes(paper, frame)
     sizes = {
-        (task, name): used_size(paper, get_method(name), task, chosen)
-        for task in tasks
-        for name in SUITE
+        (task, name): _size(task, name, tuple(part["size"].unique()), frame)
+        for (task, name), part in rows.groupby(["task", "method"])
     }
     used = [sizes[place] for place in zip(rows.task, rows.method, strict=True)]
     rows = rows[rows["size"] == used]
     return rows[rows.demos == rows.groupby(["task", "method"]).demos.transform("max")]
+
+
+def _size(task: str, name: str, sizes: tuple[str, ...], frame: pd.DataFrame) -> str:
+    """The one of some sizes that does best on validation starts; else the default."""
+    study = replace(get_preset("paper"), tasks=(task,), methods=(name,), sizes=sizes)
+    return used_size(study, get_method(name), task, chosen_sizes(study, frame))

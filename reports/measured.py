@@ -245,9 +245,8 @@ def _fits(results: Results, task: str, variant: str = "described") -> pd.DataFra
 
 def _seconds(results: Results, method: str, task: str, variant: str = "described") -> float:
     """The training time of the first seed that was timed."""
-    timed = results.rows.main(method=method, task=task, variant=variant).dropna(
-        subset="fit_seconds"
-    )
+    found = results.rows.main(method=method, task=task, variant=variant, split="test")
+    timed = found.dropna(subset="fit_seconds")
     if timed.empty:
         raise NotRunError(f"no training time of {Setting(method, task, variant=variant)}")
     return float(timed.fit_seconds.iloc[0])
