@@ -44,9 +44,9 @@ class LSTM(NetworkMethod):
         "large": LSTMConfig(embedding=250, hidden=300),
     }
     default_size: ClassVar[Mapping[str, str]] = {
-        "tool": "large",
+        "tool": "small",
         "door": "small",
-        "relocation": "large",
+        "relocation": "small",
         "reorientation": "median",
     }
 

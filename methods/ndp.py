@@ -61,7 +61,7 @@ class NDP(NetworkMethod):
     }
     default_size: ClassVar[Mapping[str, str]] = {
         "tool": "small",
-        "door": "median",
+        "door": "large",
         "relocation": "median",
         "reorientation": "median",
     }

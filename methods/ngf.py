@@ -69,7 +69,7 @@ class NGF(NetworkMethod):
         "large": NGFConfig(hidden=(256, 128)),
     }
     default_size: ClassVar[Mapping[str, str]] = {
-        "tool": "small",
+        "tool": "large",
         "door": "median",
         "relocation": "small",
         "reorientation": "small",

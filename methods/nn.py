@@ -46,9 +46,9 @@ class NN(NetworkMethod):
     }
     default_size: ClassVar[Mapping[str, str]] = {
         "tool": "small",
-        "door": "median",
-        "relocation": "median",
-        "reorientation": "large",
+        "door": "large",
+        "relocation": "small",
+        "reorientation": "median",
     }
 
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {

@@ -14,7 +14,7 @@ from pathlib import Path
 from bench.controller import ControllerConfig, train_controller
 from bench.provenance import software
 from methods.guard import guarded
-from methods.registry import CLOSED_LOOP, SUITE, get_method
+from methods.registry import SUITE, get_method
 from methods.toy import answer
 from tasks.demos import TRAINING, VALIDATION, split
 from tasks.experts import load_expert
@@ -27,6 +27,13 @@ FILE = Path(__file__).with_suffix(".json")
 SEED = 1
 DEMOS, EPOCHS = 20, 2
 """Of each network: enough for every kernel to be called."""
+SIZES = {
+    "nn": ("small", "median", "median", "large"),
+    "lstm": ("large", "small", "large", "median"),
+    "ndp": ("small", "median", "median", "median"),
+    "ngf": ("small", "median", "small", "small"),
+}
+"""By method, a size for each of `TASKS`. Other methods have their smallest."""
 
 
 def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]]:
@@ -39,8 +46,7 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
     training, validation = split(demos)
     for name in SUITE:
         kind = get_method(name)
-        smallest = next(iter(kind.sizes))
-        size = smallest if name in CLOSED_LOOP else kind.default_size.get(task_name, smallest)
+        size = SIZES[name][TASKS.index(task_name)] if name in SIZES else next(iter(kind.sizes))
         config, learnt_from = kind.sizes[size], training
         if hasattr(config, "epochs"):
             config, learnt_from = replace(config, epochs=EPOCHS), training[:DEMOS]

@@ -44,6 +44,10 @@ def test_report_of_the_shipped_results_has_every_method(report):
     assert "Reduced protocol" not in (report / "index.html").read_text()
 
 
+def test_every_claim_has_a_verdict_on_the_shipped_results(report):
+    assert not set(pd.read_csv(report / "tables/claims.csv").ours) & {"not run", "failed"}
+
+
 @pytest.mark.parametrize("page", ["README.md", "docs/results.md"])
 def test_tables_in_documents_equal_those_of_the_report(report, page):
     text = (ROOT / page).read_text()

@@ -67,6 +67,17 @@ def test_the_success_of_each_seed():
             assert [one.removesuffix(".0") for one in cell.split(", ")] == rates, (method, task)
 
 
+def test_success_by_size():
+    rows = UNDISTURBED.query("split == 'validation' and demos == 200 and expert == 'first'")
+    rate = 100 * rows["successes"] / rows["episodes"]
+    means = rate.groupby([rows["method"], rows["size"], rows["task"]]).mean()
+    shown = table("## The size of networks")
+    assert len(shown) == 12
+    for name, cells in shown.items():
+        for task, cell in zip(TASKS, cells, strict=True):
+            assert printed(cell)[0] == pytest.approx(means[*name.split(), task], abs=0.05 + 1e-9)
+
+
 def success_of(rows: pd.DataFrame, by: list[str]) -> pd.Series:
     """The success in per cent of all seeds, from the first ``common`` starts of each evaluation."""
     episodes = pd.read_parquet(ROOT / "reports/reference/episodes.parquet").drop(columns="diverged")
