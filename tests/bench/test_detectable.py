@@ -126,7 +126,7 @@ def test_a_plan_does_not_promise_to_show_more_than_all_points(ship):
         {"settings": "cutoff=2"},
         {"held_out": 40},
         {"weights": "3f2a91c0"},
-        {"size": "large"},
+        {"size": "median"},
     ],
 )
 def test_other_evaluations_do_not_count(changes):
