@@ -7,11 +7,11 @@ from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
 
-from methods.registry import ENTRY_POINTS, package_methods, unknown_method
+from methods.registry import ENTRY_POINTS, SUITE, package_methods, unknown_method
 from tasks.errors import InputError, described
 from tasks.packages import entry_points_of, owners
 from tasks.registry import ENTRY_POINTS as TASK_ENTRY_POINTS
-from tasks.registry import package_tasks
+from tasks.registry import TASKS, package_tasks
 
 _COMPILED = "__pycache__"
 
@@ -61,13 +61,12 @@ def code_of(*names: str) -> dict[str, str]:
     Names of the suite's own are left out, and those of packages that are not installed or cannot be
     read. Other files do not count, since a package may hold gigabytes of them.
     """
-    points = {
-        one.name: one for one in entry_points_of(ENTRY_POINTS) if one.name in package_methods()
-    }
-    points |= {
-        one.name: one for one in entry_points_of(TASK_ENTRY_POINTS) if one.name in package_tasks()
-    }
-    found = {name: _code(points[name]) for name in names if name in points}
+    brought = {*names} - {*SUITE, *TASKS}
+    if not brought:
+        return {}
+    brought &= {*package_methods(), *package_tasks()}
+    points = [*entry_points_of(ENTRY_POINTS), *entry_points_of(TASK_ENTRY_POINTS)]
+    found = {point.name: _code(point) for point in points if point.name in brought}
     return {name: digest for name, digest in found.items() if digest}
 
 

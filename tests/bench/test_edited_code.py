@@ -54,18 +54,7 @@ def test_run_and_status_say_that_code_has_changed_until_the_version_is_raised(
     task, smoke, bench, install, tmp_path
 ):
     out = tmp_path / "results"
-    words = [
-        "run",
-        "smoke",
-        "--tasks",
-        "door",
-        "--methods",
-        "edited",
-        "--out",
-        str(out),
-        "--jobs",
-        "1",
-    ]
+    words = f"run smoke --tasks door --methods edited --jobs 1 --out {out}".split()
 
     def said():
         code, _, errors = bench(*words, "--experiments", "success")
