@@ -7,9 +7,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.labels import VALIDATION, labelled
 from bench.options import results_folder
 from bench.packed import is_packed, open_results, shipped
 from bench.results import Results
+from bench.selection import best_size, ordered_sizes
 from bench.source import episodes_table
 from bench.views import view
 from tasks.errors import InputError
@@ -51,6 +53,26 @@ class Opened:
     def episodes(self) -> pd.DataFrame:
         """One row for each episode, see `bench.load`."""
         return episodes_table(self._source)
+
+    def at_best_size(self, episodes: pd.DataFrame) -> pd.DataFrame:
+        """Returns the episodes of each method on each task in one of its sizes.
+
+        Of the sizes among these episodes it is the one with most success from validation starts,
+        as in reports. A mean over several sizes would be that of no method.
+
+        Args:
+            episodes: rows of `episodes`, already those of one condition.
+        """
+        frame = labelled(self.frame)
+        evaluations = frame[(frame.split == VALIDATION) & (frame.variant == "described")]
+        best = {}
+        for (task, method), part in episodes.groupby(["task", "method"], observed=True):
+            mine = (evaluations.task == task) & (evaluations.method == method)
+            validated = evaluations[mine]
+            validated = validated[validated.demos == validated.demos.max()]
+            best[task, method] = best_size(validated, ordered_sizes(part["size"]))
+        chosen = [best[place] for place in zip(episodes.task, episodes.method, strict=True)]
+        return episodes[episodes["size"].astype(str) == chosen]
 
     @property
     def notes(self) -> list[str]:

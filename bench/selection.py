@@ -1,6 +1,6 @@
 """The sizes that a study compares, and the chosen size, which all other experiments use."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from bench.labels import VALIDATION
@@ -15,6 +15,16 @@ if TYPE_CHECKING:
 
 Sizes = Mapping[tuple[str, str], str]
 """By task and method, the size that does best on validation starts."""
+
+
+SIZES = ("small", "median", "large")
+"""The sizes of Tables 2-5, in their order."""
+
+
+def ordered_sizes(sizes: Iterable[str]) -> list[str]:
+    """Returns sizes, each once: those of Tables 2-5 in their order, then others as they came."""
+    found = dict.fromkeys(sizes)
+    return sorted(found, key=lambda size: SIZES.index(size) if size in SIZES else len(SIZES))
 
 
 def best_size(evaluations: "pd.DataFrame", sizes: Sequence[str]) -> str:

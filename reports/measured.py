@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from bench.selection import SIZES
 from reports.at_least import corrections, kth_largest
 from reports.claim import (
     ERROR,
@@ -27,7 +28,6 @@ from reports.claim import (
 from reports.diagnostics import imitation_error, magnitudes
 from reports.exhibits.table_11 import SETS
 from reports.results import Results
-from reports.rows import SIZES
 from reports.seed_statistics import (
     Estimate,
     aggregate,

@@ -10,11 +10,10 @@ import pandas as pd
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
 from bench.labels import EXPERT, plain
 from bench.names import PLAIN
-from bench.selection import best_size
+from bench.selection import best_size, ordered_sizes
 from methods.registry import CLOSED_LOOP
 from tasks.data import BoolArray
 
-SIZES = ("small", "median", "large")
 Place = tuple[str, str]
 """A task and a method."""
 COMPARED = (NO_CONTROLLER, ORIGINAL)
@@ -117,10 +116,9 @@ class Rows:
         """
         place = task, method, *sorted(sizes)
         if place not in self._best_sizes:
-            in_order = [size for size in dict.fromkeys((*SIZES, *sizes)) if size in sizes]
             validated = self.select(task=task, method=method, split="validation")
             validated = validated[validated.demos == validated.demos.max()]
-            self._best_sizes[place] = best_size(validated, in_order)
+            self._best_sizes[place] = best_size(validated, ordered_sizes(sorted(sizes)))
         return self._best_sizes[place]
 
     @cached_property

@@ -35,8 +35,9 @@ EXHIBITS = tuple(
         name=f"expert_change_{split}",
         title=f"What the second expert changes: {place}",
         about=f"Success {starts} under the second expert minus that under the first [points],"
-        " from the same starts of the same seeds. Brackets: 95% intervals of the change over"
-        " seeds (Student's t), not corrected for the number of methods and tasks.",
+        " from the same starts of the same seeds, each method in one size under both. Brackets: 95%"
+        " intervals of the change over seeds (Student's t), not corrected for the number of"
+        " methods and tasks.",
         table=partial(table, split=split),
         part="robustness",
         unit="points",

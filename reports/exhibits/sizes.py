@@ -3,10 +3,10 @@
 import pandas as pd
 
 from bench.labels import plain
+from bench.selection import SIZES
 from reports.exhibit import Exhibit
 from reports.paper import with_published
 from reports.results import Results
-from reports.rows import SIZES
 from reports.style import display
 from reports.tables import in_order, success_table
 

@@ -38,11 +38,13 @@ def by_expert(results: Results, split: str) -> pd.DataFrame:
 def of_both(results: Results, split: str) -> pd.DataFrame:
     """Returns the evaluations of methods and tasks under both experts.
 
-    They are cut to common seeds and starts.
+    A method on a task has one size under both: a size that was evaluated under one of them alone
+    is left out. They are cut to common seeds and starts.
     """
     if set(results.experts) != set(EXPERTS):
         return results.frame[:0]
-    rows = pd.concat(results.taught_by(name).rows.of_all(split=split) for name in EXPERTS)
+    first, second = (results.taught_by(name).rows for name in EXPERTS)
+    rows = pd.concat(first.at_one_size([taught.every(split=split) for taught in (first, second)]))
     taught = rows.groupby(["method", "task"]).expert.transform("nunique")
     return keep_common(rows[taught == len(EXPERTS)], ["expert", "method"])
 
@@ -75,8 +77,8 @@ EXHIBITS = tuple(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
         about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert. The two come from two trainings by one recipe. Letters compare"
-        " methods under one expert.",
+        " first or second expert, in one size under both. The two come from two trainings by one"
+        " recipe. Letters compare methods under one expert.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,

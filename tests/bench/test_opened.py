@@ -259,3 +259,19 @@ def test_options_mean_the_same_as_text_and_as_values(task):
 def test_an_unusable_option_is_refused(task, options, answer):
     with pytest.raises(InputError, match=answer):
         study_of("smoke", **options)
+
+
+def test_one_size_of_each_method_is_the_one_that_validates_best(door):
+    results = suite.open()
+    several = results.episodes.query(
+        "split == 'test' and physics == 'nominal' and variant == 'described'"
+        " and disturbance == 'none' and seed == 1 and task == 'door'"
+    )
+    assert set(several[several.method == "nn"]["size"]) == {"median", "large"}
+    one = results.at_best_size(several)
+    sizes = one.groupby("method", observed=True)["size"].unique().map(list)
+    assert sizes[["kodex", "nn", "ndp"]].tolist() == [["single"], ["large"], ["large"]]
+    assert one.groupby("method", observed=True).size().nunique() <= 2
+    median = several[several["size"] == "median"]
+    assert results.at_best_size(median).equals(median)
+    assert results.at_best_size(several[:0]).empty

@@ -25,10 +25,11 @@ RUN = ("run", "smoke", "--jobs", "1", "--experiments", "success,ood")
 def run(task, two_shipped, smoke, bench, tmp_path):
     """Runs `smoke` with each expert named; returns the results folder."""
 
-    def of_experts(*names, folder="results", seeds="1"):
+    def of_experts(*names, folder="results", seeds="1", options=()):
         out = tmp_path / folder
         for name in names:
-            code, _, err = bench(*RUN, "--expert", name, "--seeds", seeds, "--out", str(out))
+            of_one = ("--expert", name, "--seeds", seeds, "--out", str(out))
+            code, _, err = bench(*RUN, *of_one, *options)
             assert code == 0, err
         return out
 
@@ -103,6 +104,16 @@ def test_the_change_is_the_second_experts_success_minus_the_firsts(task, run):
         assert row.value == pytest.approx(rates[f"{method} second"] - rates[f"{method} first"])
         assert row.low <= row.value <= row.high
     assert expert_change.table(Results(run("first", "second", folder="single")), "test").empty
+
+
+def test_each_method_has_one_size_under_both_experts(task, run):
+    of_nn = ("--methods", "nn,kodex", "--sizes")
+    out = run("first", options=(*of_nn, "median"))
+    run("second", options=(*of_nn, "small"))
+    assert set(two_experts.of_both(Results(out), "test").method) == {"kodex"}
+    run("second", options=(*of_nn, "median"))
+    rows = two_experts.of_both(Results(out), "test").query("method == 'nn'")
+    assert rows[["expert", "size"]].values.tolist() == [["first", "median"], ["second", "median"]]
 
 
 def test_the_first_lines_of_a_report_name_the_second_expert(task, run, bench, tmp_path):

@@ -10,8 +10,8 @@ import pytest
 
 import bench
 from bench.packed import SHIPPED
+from bench.selection import SIZES
 from methods.registry import get_method
-from reports.rows import SIZES
 
 ROOT = Path(__file__).parents[2]
 REPORT = """
