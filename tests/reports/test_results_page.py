@@ -90,6 +90,13 @@ def test_the_success_of_each_seed():
             assert [one.removesuffix(".0") for one in cell.split(", ")] == seeds, (method, task)
 
 
+def test_pages_name_the_seeds_of_the_shipped_results():
+    seeds = success("test").index.get_level_values("seed")
+    assert {*seeds} == {*range(1, max(seeds) + 1)}
+    for page in ("submit.md", "add_a_method.md"):
+        assert f"--seeds {max(seeds)}" in (ROOT / "docs" / page).read_text(), page
+
+
 def test_success_by_size():
     means = validated()
     shown = table("## The size of networks")
