@@ -109,7 +109,9 @@ class ActionNetwork(TrainedMethod, ActionMethod):
         return [tensor(np.stack(arrays)) for arrays in zip(*drawn, strict=True)]
 
     def reset(self, starts: FloatArray, rngs: Rngs) -> None:
-        """Forgets the chunks of earlier episodes."""
+        """Forgets the chunks of earlier episodes, and readies the weights once for all steps."""
+        self._scales = _Scales.from_arrays(self.parameters())
+        self._weights = self.weights(("state_", "action_"))
         self._rngs, self._chunks, self._since = rngs, np.empty(0), self.horizon
 
     def act(self, state: FloatArray, t: int) -> FloatArray:
@@ -120,13 +122,11 @@ class ActionNetwork(TrainedMethod, ActionMethod):
         return self._chunks[:, self._since - 1]
 
     def _new_chunks(self, state: FloatArray) -> FloatArray:
-        scales = _Scales.from_arrays(self.parameters())
-        weights = self.weights(("state_", "action_"))
-        x = tensor(scales.states.apply(state))
+        x = tensor(self._scales.states.apply(state))
         with one_thread(), torch.no_grad():
-            found = self.predict(weights, x[None], self._rngs)[0].double().numpy()
+            found = self.predict(self._weights, x[None], self._rngs)[0].double().numpy()
         chunks = found.reshape(len(state), self.length, self.layout.action_dim)
-        return np.clip(scales.actions.undo(chunks), -1.0, 1.0)
+        return np.clip(self._scales.actions.undo(chunks), -1.0, 1.0)
 
 
 @dataclass(frozen=True)

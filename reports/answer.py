@@ -21,6 +21,8 @@ HOW = (
     " How far a method is behind is the 95% interval of the difference, in points of success."
 )
 FIXED = "The expert of a task is fixed: what another expert would give is outside every interval."
+FEW = 2
+"""Up to so many methods that share the most success are named."""
 Pair = tuple[str, str]
 Gaps = dict[Pair, tuple[float, float]]
 """Interval of the difference in points, by better and worse method, for pairs told apart."""
@@ -65,14 +67,18 @@ def to_beat(results: Results) -> list[str]:
     if results.rows.beyond:
         every = success_of(results, results.rows.of_all(split="test"))
         learnt = every[every.row != EXPERT]
-        best = learnt.loc[learnt.groupby("column", sort=False).value.idxmax()]
-        named = [
-            f"{results.display(row.row)} {row.value:.1f}% ({display(row.column)})"
-            for row in best.itertuples()
-        ]
+        named = [_most(part, results) for _, part in learnt.groupby("column", sort=False)]
         if named:
             said.append(f"Most of all methods, closed-loop ones included: {_listed(named)}.")
     return said
+
+
+def _most(part: pd.DataFrame, results: Results) -> str:
+    """Who has the most success on one task; many that share it are counted."""
+    rates = part.set_index("row").value.round(1)
+    best = [results.display(method) for method in rates.index[rates == rates.max()]]
+    names = _listed(best) if len(best) <= FEW else f"{len(best)} methods"
+    return f"{names} {rates.max():.1f}% ({display(part.column.iloc[0])})"
 
 
 def _by_task(values: "pd.Series[float]") -> str:

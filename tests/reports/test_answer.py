@@ -103,3 +103,21 @@ def test_answer_says_that_a_single_method_has_no_rival(said):
 def test_answer_of_one_seed_says_what_it_speaks_of(said):
     sentence = said({"kodex": 90, "nn": 85}, seeds=1)
     assert sentence.endswith("(85.0 to 90.0%) (this fit and this controller only).")
+
+
+@pytest.mark.parametrize(
+    ("rates", "named"),
+    [
+        ({"kodex": 90, "bc": 95.04}, "BC 95.0% (Door)"),
+        ({"kodex": 95, "bc": 95.04}, "KODex and BC 95.0% (Door)"),
+        ({"kodex": 95, "nn": 95, "bc": 95}, "3 methods 95.0% (Door)"),
+    ],
+)
+def test_all_that_share_the_most_success_are_named_or_counted(monkeypatch, rates, named):
+    table = pd.DataFrame({"row": ["expert", *rates], "value": [100.0, *rates.values()]})
+    table = table.assign(column="door")
+    for name in ("success_by_method", "success_of"):
+        monkeypatch.setattr(module, name, lambda results, split: table)
+    results = MadeUp(rates, 3)
+    results.beyond, results.of_all = {"bc"}, results.main
+    assert module.to_beat(results) == [f"Most of all methods, closed-loop ones included: {named}."]
