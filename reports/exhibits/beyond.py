@@ -1,5 +1,6 @@
 """Beyond the paper: all methods beside each other, from all starts and in all conditions."""
 
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -35,11 +36,11 @@ CONDITIONS: dict[str, dict[str, Any]] = {
 """Those of an evaluation from test starts, where nothing else is said."""
 
 
-def by_task(results: Results) -> pd.DataFrame:
+def by_task(results: Results, split: str) -> pd.DataFrame:
     """Returns a row for each method and the expert, and a column for each task."""
     if not results.rows.beyond:
         return table_of()
-    return success_of(results, results.rows.of_all(split="test"))
+    return success_of(results, results.rows.of_all(split=split))
 
 
 def by_condition(results: Results) -> pd.DataFrame:
@@ -90,12 +91,18 @@ def by_rows(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
 
 
 EXHIBITS = (
-    Exhibit(
-        name="beyond",
-        title="Beyond the paper: success on test starts",
-        about="Success [%] from test starts of the paper's methods, those to beat, and closed-loop"
-        " ones, which see each state.",
-        table=by_task,
+    *(
+        Exhibit(
+            name=name,
+            title=f"Beyond the paper: success {starts}",
+            about=f"Success [%] {starts} of the paper's methods, those to beat, and closed-loop"
+            " ones, which see each state.",
+            table=partial(by_task, split=split),
+        )
+        for name, split, starts in (
+            ("beyond", "test", "from test starts"),
+            ("beyond_ood", "ood", "out of distribution"),
+        )
     ),
     Exhibit(
         name="beyond_conditions",

@@ -17,6 +17,8 @@ EVERYTHING = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet")
 EVALUATIONS = EVERYTHING.query("variant == 'described' and physics == 'nominal'")
 UNDISTURBED = EVALUATIONS.query("disturbance == 'none'")
 TASKS = ["tool", "door", "relocation", "reorientation"]
+ACTING = ("expert", "bc", "chunk")
+"""They need no controller."""
 SIZES = ["large", "median", "small", "single"]
 """In the order of those of equal success, the last one first."""
 
@@ -66,10 +68,13 @@ def rounded(seeds: pd.Series) -> object:
     return pytest.approx([seeds.mean(), seeds.std()], abs=0.05 + 1e-9)
 
 
-@pytest.mark.parametrize(("split", "name"), [("test", "success"), ("ood", "figure_5")])
-def test_means_and_deviations_of_each_task(split, name):
+@pytest.mark.parametrize(
+    ("split", "name", "methods"),
+    [("test", "success", 8), ("ood", "figure_5", 8), ("ood", "beyond_ood", 10)],
+)
+def test_means_and_deviations_of_each_task(split, name, methods):
     found, shown = success(split), table(f"<!-- {name} -->")
-    assert len(shown) == 8
+    assert len(shown) == methods
     for method, cells in shown.items():
         for task, cell in zip(TASKS, cells, strict=True):
             assert printed(cell) == rounded(found[method][task]), (method, task)
@@ -156,7 +161,7 @@ def test_success_with_joints_off():
     means = success_of(rows, ["method", "task", "disturbance"])
     names = ("none", "joints_off_0.02", "joints_off_0.05")
     shown = table("## When something is off")
-    assert len(shown) == 8
+    assert len(shown) == 10
     for method, cells in shown.items():
         for task, cell in zip(TASKS, cells, strict=True):
             assert cell == ", ".join(f"{means[method, task, name]:.1f}" for name in names)
@@ -168,13 +173,13 @@ def test_success_in_changed_physics():
     means = rates(rows).groupby(by).mean()
     variations = ("heavy_object", "light_object", "light_hand", "heavy_hand")
     shown = table("## Changed physics")
-    assert len(shown) == 8
+    assert len(shown) == 10
     for method, cells in shown.items():
-        controllers = ("none",) if method == "expert" else ("original", "tuned")
+        controllers = ("none",) if method in ACTING else ("original", "tuned")
         for task, cell in zip(TASKS, cells, strict=True):
             found = [[f"{means[method, task, v, c]:.0f}" for c in controllers] for v in variations]
             assert cell == ", ".join(map("/".join, found)), (method, task)
-    learnt = means.drop("expert").groupby("method").mean()
+    learnt = means.drop([*ACTING]).groupby("method").mean()
     sentence = PAGE.split("both controllers ")[1][:150]
     said = re.findall(r"(\w+)(?: has)?\s(\d\d\.\d)%", sentence)
     assert len(said) == len(learnt)
