@@ -42,7 +42,7 @@ ABOUT = {
         measures="Success from starts outside the ranges of the training distribution.",
         varies="Task, method, seed. The expert is evaluated from the same starts.",
         paper=("figure_5",),
-        own=("all_tasks", "starts", "two_experts_ood", "expert_change_ood"),
+        own=("all_tasks", "starts", "beyond_ood", "two_experts_ood", "expert_change_ood"),
     ),
     "robustness": About(
         measures="Success with other masses of the hand or the object (appendix I).",
