@@ -87,7 +87,7 @@ class Episodes:
         """Returns success and divergence (2, N) of row i, which has that folder and conditions."""
         if place not in self._stored:
             found = self._read(rows.iloc[i].to_dict())
-            self._stored[place] = found[["success", "diverged"]].to_numpy(bool).T
+            self._stored[place] = np.stack([found["success"], found["diverged"]])
         return self._stored[place]
 
 
