@@ -120,6 +120,10 @@ def test_success_of_other_sizes_from_test_starts():
         door = means[method, "door"]
         assert numbers == f"{door['large']} and {door['median']}%"
         assert numbers in PAGE
+    outside = UNDISTURBED.query("split == 'ood' and expert == 'first' and task == 'tool'")
+    means = rates(outside).groupby([outside["method"], outside["size"]]).mean().round(1)
+    assert f"NGF has {means['ngf', 'small']}% in small and {means['ngf', 'large']}% in" in PAGE
+    assert f"LSTM {means['lstm', 'small']} in small and {means['lstm', 'large']} in large" in PAGE
     of_lstm = rows.query("method == 'lstm' and task == 'reorientation' and seed == 5")
     assert sorted(rates(of_lstm).round()) == [42, 74]
     assert "median network succeeds in 42%, the large one in 74%" in PAGE
