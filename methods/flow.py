@@ -2,12 +2,14 @@
 
 A velocity field carries noise a(0) ~ N(0, I) to a chunk a(1) along straight lines,
 
-    a(s) = (1 - s) a(0) + s a(1),    da/ds = v(a(s), s, x),
+    a(s) = (1 - s) a(0) + s a(1),    da/ds = v(a(s), s, x) = (f(a(s), s, x) - a(s)) / (1 - s),
 
-and v is the network that minimises |v(a(s), s, x) - (a(1) - a(0))|^2 over demonstrations, noise and
-s uniform in [0, 1] (Lipman et al., "Flow Matching for Generative Modeling", 2023). A chunk is drawn
-by Euler's method in a few steps of s, and its first actions are taken, as in `methods.chunk`. It is
-not in the paper.
+and f is the network that minimises |f(a(s), s, x) - a(1)|^2 over demonstrations, noise and s
+uniform in [0, 1]. The best f is the mean of a(1) given the rest, so that v is the mean of
+a(1) - a(0), as in Lipman et al., "Flow Matching for Generative Modeling", 2023. A network for v
+itself would have to pass on all of the noise, which has more numbers than its layers. A chunk is
+drawn by Euler's method in a few steps of s, and its first actions are taken, as in `methods.chunk`.
+It is not in the paper.
 """
 
 from collections.abc import Mapping
@@ -46,6 +48,7 @@ class FlowConfig(ChunkConfig):
 class Flow(ActionNetwork):
     """Chunks drawn by integrating a velocity field from noise."""
 
+    version = 2
     name = "flow"
     summary = "flow matching over chunks of actions"
     sizes: ClassVar[Mapping[str, FlowConfig]] = {
@@ -62,7 +65,7 @@ class Flow(ActionNetwork):
         self.length, self.horizon = config.length, config.horizon
 
     def draw(self, rng: np.random.Generator) -> dict[str, FloatArray]:
-        """Returns the layers from chunk, s and state to a velocity of the chunk."""
+        """Returns the layers from chunk, s and state to the chunk at s = 1."""
         chunk = self.length * self.layout.action_dim
         inputs = chunk + 2 * FREQUENCIES + self.layout.state_dim
         return mlp_weights(rng, "layer", (inputs, *self.config.hidden, chunk))
@@ -73,10 +76,10 @@ class Flow(ActionNetwork):
         return rng.standard_normal((count, chunk)), rng.random((count, 1))
 
     def loss(self, weights: Weights, x: Tensor, u: Tensor, *noise: Tensor) -> Tensor:
-        """Returns the mean squared error of the velocity, (S,)."""
+        """Returns the mean squared error of f, (S,)."""
         start, s = noise
-        found = self.velocity(weights, (1 - s) * start + s * u, s, x)
-        return (found - (u - start)).square().mean(dim=(1, 2))
+        found = self.end(weights, (1 - s) * start + s * u, s, x)
+        return (found - u).square().mean(dim=(1, 2))
 
     def predict(self, weights: Weights, x: Tensor, rngs: Rngs) -> Tensor:
         """Returns chunks (1, B, C A) drawn for the states."""
@@ -84,11 +87,12 @@ class Flow(ActionNetwork):
         chunk = tensor(np.stack([rng.standard_normal(width) for rng in rngs]))[None]
         for step in range(self.config.steps):
             s = torch.full_like(chunk[..., :1], step / self.config.steps)
-            chunk = chunk + self.velocity(weights, chunk, s, x) / self.config.steps
+            velocity = (self.end(weights, chunk, s, x) - chunk) / (1 - s)
+            chunk = chunk + velocity / self.config.steps
         return chunk
 
-    def velocity(self, weights: Weights, chunk: Tensor, s: Tensor, x: Tensor) -> Tensor:
-        """Returns v, (S, B, C A), for chunks (S, B, C A), s (S, B, 1) and states (S, B, D)."""
+    def end(self, weights: Weights, chunk: Tensor, s: Tensor, x: Tensor) -> Tensor:
+        """Returns f, (S, B, C A), for chunks (S, B, C A), s (S, B, 1) and states (S, B, D)."""
         angles = torch.pi * s * torch.arange(1, FREQUENCIES + 1)
         inputs = torch.cat([chunk, angles.sin(), angles.cos(), x], dim=-1)
         return mlp(weights, "layer", inputs, len(self.config.hidden) + 1)

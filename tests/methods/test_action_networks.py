@@ -109,9 +109,9 @@ def test_more_actions_than_a_chunk_has_are_refused():
 
 
 def exact(x, a, s, mean, sd):
-    """The velocity field of N(mean(x), sd^2): its conditional mean of a(1) - a(0) given a(s)."""
+    """The best f for chunks of N(mean(x), sd^2): the conditional mean of a(1) given a(s)."""
     spread = (1 - s) ** 2 + (s * sd) ** 2
-    return mean(x) + (s * sd**2 - (1 - s)) / spread * (a - s * mean(x))
+    return mean(x) + s * sd**2 / spread * (a - s * mean(x))
 
 
 def test_flow_draws_from_the_gaussian_whose_field_it_follows(monkeypatch):
@@ -120,7 +120,7 @@ def test_flow_draws_from_the_gaussian_whose_field_it_follows(monkeypatch):
     def mean(x):
         return torch.stack([2 * x[..., 0], x[..., 1] - x[..., 2]], dim=-1)
 
-    monkeypatch.setattr(flow, "velocity", lambda w, a, s, x: exact(x, a, s, mean, 0.3))
+    monkeypatch.setattr(flow, "end", lambda w, a, s, x: exact(x, a, s, mean, 0.3))
     x = torch.tensor(generator("asked").standard_normal((4000, 3)), dtype=torch.float32)[None]
     drawn = flow.predict({}, x, streams(4000))
     errors = (drawn - mean(x))[0]
@@ -158,7 +158,7 @@ def test_flow_learns_the_exact_field_of_a_linear_gaussian():
     def mean(x):
         return ((x * arrays["state_scale"] + arrays["state_mean"]) @ gain.T - shift) / scale
 
-    least = np.square(exact(states, between, s, mean, unit) - (actions - start)).mean()
+    least = np.square(exact(states, between, s, mean, unit) - actions).mean()
     learnt = flow.loss(weights, *(tensor(one)[None] for one in (states, actions, start, s)))
     assert least <= 1.02 * float(learnt) <= 1.1 * least
 
