@@ -11,7 +11,7 @@ from bench.labels import VALIDATION, labelled
 from bench.options import results_folder
 from bench.packed import is_packed, open_results, shipped
 from bench.results import Results
-from bench.selection import best_size, ordered_sizes
+from bench.selection import best_validated
 from bench.source import episodes_table
 from bench.views import view
 from tasks.errors import InputError
@@ -68,9 +68,7 @@ class Opened:
         best = {}
         for (task, method), part in episodes.groupby(["task", "method"], observed=True):
             mine = (evaluations.task == task) & (evaluations.method == method)
-            validated = evaluations[mine]
-            validated = validated[validated.demos == validated.demos.max()]
-            best[task, method] = best_size(validated, ordered_sizes(part["size"]))
+            best[task, method] = best_validated(evaluations[mine], part["size"])
         chosen = [best[place] for place in zip(episodes.task, episodes.method, strict=True)]
         return episodes[episodes["size"].astype(str) == chosen]
 

@@ -43,6 +43,17 @@ def best_size(evaluations: "pd.DataFrame", sizes: Sequence[str]) -> str:
     return max(sizes, key=lambda size: float(means.get(size, -1.0)))
 
 
+def best_validated(validated: "pd.DataFrame", sizes: Iterable[str]) -> str:
+    """Returns the `best_size` by the fits with the most demonstrations, as in a run.
+
+    Args:
+        validated: see `best_size`, with the column ``demos``.
+        sizes: the sizes to choose from. Of equal ones, the first by `ordered_sizes` is chosen.
+    """
+    most = validated[validated.demos == validated.demos.max()]
+    return best_size(most, ordered_sizes(sizes))
+
+
 def chosen_sizes(study: Study, frame: "pd.DataFrame") -> dict[tuple[str, str], str]:
     """Returns by task and method the size that does best on validation starts, see `best_size`.
 

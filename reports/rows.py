@@ -10,7 +10,7 @@ import pandas as pd
 from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
 from bench.labels import EXPERT, plain
 from bench.names import PLAIN
-from bench.selection import best_size, ordered_sizes
+from bench.selection import best_validated
 from methods.registry import CLOSED_LOOP
 from tasks.data import BoolArray
 
@@ -117,8 +117,7 @@ class Rows:
         place = task, method, *sorted(sizes)
         if place not in self._best_sizes:
             validated = self.select(task=task, method=method, split="validation")
-            validated = validated[validated.demos == validated.demos.max()]
-            self._best_sizes[place] = best_size(validated, ordered_sizes(sorted(sizes)))
+            self._best_sizes[place] = best_validated(validated, sorted(sizes))
         return self._best_sizes[place]
 
     @cached_property
