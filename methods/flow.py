@@ -38,7 +38,6 @@ class FlowConfig(ChunkConfig):
     horizon: int = 8
     steps: int = 5
     """Number of Euler steps from noise to a chunk."""
-    epochs: int = 200
 
     def __post_init__(self) -> None:
         super().__post_init__()
