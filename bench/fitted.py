@@ -9,7 +9,7 @@ from bench.labels import labelled
 from bench.manifest import Name
 from bench.names import KEY_DIGITS
 from bench.results import Results
-from bench.selection import best_size
+from bench.selection import best_validated
 from bench.spec import EXPERT, VALIDATION
 from bench.verify import fit_of
 from methods.base import Method
@@ -68,7 +68,7 @@ class Methods(Mapping[str, Method]):
         rows = self._rows[self._rows.method == name]
         rows = rows[rows.demos == rows.demos.max()]
         sizes = rows["size"].unique().tolist()
-        size = self._size or best_size(rows[rows.split == VALIDATION], sizes)
+        size = self._size or best_validated(rows[rows.split == VALIDATION], sizes)
         rows = rows[rows["size"] == size]
         if rows.empty:
             raise unknown_name(f"size of {name} in these results", size, sizes)
