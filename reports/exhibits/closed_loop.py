@@ -11,7 +11,7 @@ from reports.results import Results
 from reports.style import METHODS, display, ordered
 from reports.tables import in_order, success_table, table_of
 from tasks.disturbances import REPLANNED, UNDISTURBED
-from tasks.masses import NOMINAL
+from tasks.masses import NOMINAL, VARIATIONS
 from tasks.registry import TASKS
 
 NEVER, EVERY = "once", "every_"
@@ -40,7 +40,7 @@ def table(results: Results) -> pd.DataFrame:
     rows = [
         f"{method} {name} {when}"
         for method in METHODS
-        for name in place.drop_duplicates()
+        for name in ordered(place, (NOMINAL, *REPLANNED, *VARIATIONS))
         for when in intervals
     ]
     rates = in_order(success_table(results, shown.assign(label=label), "label", "task"), rows)
