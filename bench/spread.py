@@ -12,7 +12,7 @@ from bench.names import PLAIN
 from bench.power import pooled
 from bench.presets import get_preset
 from bench.selection import chosen_sizes, used_size
-from methods.registry import SUITE, get_method
+from methods.registry import CLOSED_LOOP, SUITE, get_method
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,6 +51,7 @@ class Spread:
 def spread_over_seeds(frame: pd.DataFrame, tasks: Sequence[str]) -> Spread | None:
     """Returns the spread of the suite's methods on some tasks; None with too few common seeds.
 
+    Methods that act in each state are left out: they vary least, and would promise too much.
     Counted are evaluations from starts of ``test`` in nominal physics, of fits as described to the
     most demonstrations, at that of their sizes which does best on validation starts (else the
     default size), with the original controller.
@@ -95,7 +96,7 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
     paper = get_preset("paper")
     rows = frame[
         frame.task.isin(tasks)
-        & frame.method.isin(SUITE)
+        & frame.method.isin(set(SUITE) - set(CLOSED_LOOP))
         & (frame.split == "test")
         & frame[[*PLAIN]].eq(list(PLAIN.values())).all(axis=1)
         & (frame.variant == "described")

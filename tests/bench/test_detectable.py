@@ -127,6 +127,7 @@ def test_a_plan_does_not_promise_to_show_more_than_all_points(ship):
         {"held_out": 40},
         {"weights": "3f2a91c0"},
         {"size": "median"},
+        {"method": "bc"},
     ],
 )
 def test_other_evaluations_do_not_count(changes):
