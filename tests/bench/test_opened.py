@@ -265,7 +265,7 @@ def test_one_size_of_each_method_is_the_one_that_validates_best(door):
     results = suite.open()
     several = results.episodes.query(
         "split == 'test' and physics == 'nominal' and variant == 'described'"
-        " and disturbance == 'none' and seed == 1 and task == 'door'"
+        " and disturbance == 'none' and replan == 0 and seed == 1 and task == 'door'"
     )
     assert set(several[several.method == "nn"]["size"]) == {"median", "large"}
     one = results.at_best_size(several)
