@@ -164,12 +164,26 @@ def test_what_the_second_expert_changes(split):
             assert value == pytest.approx(change[method][task], abs=0.05 + 1e-9), (method, task)
 
 
-def test_success_with_joints_off():
+def disturbed_success() -> pd.Series:
+    """The success in per cent by method, task and disturbance, from common starts of a task."""
     rows = EVALUATIONS.query("split == 'test' and expert == 'first'")
     disturbed = widest(rows.query("disturbance != 'none'"), "disturbance")
     rows = on_fits_of(rows, disturbed)
     rows = rows.assign(common=rows["task"].map(disturbed.groupby("task")["episodes"].min()))
-    means = success_of(rows, ["method", "task", "disturbance"])
+    return success_of(rows, ["method", "task", "disturbance"])
+
+
+def test_success_of_flow_with_late_actions():
+    means = disturbed_success()
+    flow, expert = means["flow"].round(1), means["expert"].round(1)
+    assert [flow[task, "late_1"] for task in ("tool", "relocation", "door")] == [100, 100, 24.7]
+    late = [f"{one[task, 'late_2']}" for one in (flow, expert) for task in ("tool", "relocation")]
+    said = re.search(r"([\d.]+) and ([\d.]+)% with two \(the expert ([\d.]+)\s+and ([\d.]+)%", PAGE)
+    assert list(said.groups()) == late
+
+
+def test_success_with_joints_off():
+    means = disturbed_success()
     names = ("none", "joints_off_0.02", "joints_off_0.05")
     shown = table("## When something is off")
     assert len(shown) == 11
