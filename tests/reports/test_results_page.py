@@ -138,7 +138,7 @@ def success_of(rows: pd.DataFrame, by: list[str]) -> pd.Series:
 
 
 def widest(rows: pd.DataFrame, by: str) -> pd.DataFrame:
-    """The rows in the size that has the most conditions: on Door NN has two."""
+    """The rows in the size that has the most conditions: NN has two on some tasks."""
     counts = rows.groupby(["method", "task", "size"])[by].transform("nunique")
     return rows[counts == counts.groupby([rows["method"], rows["task"]]).transform("max")]
 
