@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
+from bench.controller_kinds import ORIGINAL
 from bench.names import PLAIN
 from bench.power import pooled
 from bench.presets import get_preset
 from bench.selection import chosen_sizes, used_size
-from methods.registry import CLOSED_LOOP, SUITE, get_method
+from methods.registry import PAPER, SUITE, TO_BEAT, get_method
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,7 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
     paper = get_preset("paper")
     rows = frame[
         frame.task.isin(tasks)
-        & frame.method.isin(set(SUITE) - set(CLOSED_LOOP))
+        & frame.method.isin((*PAPER, *TO_BEAT))
         & (frame.split == "test")
         & frame[[*PLAIN]].eq(list(PLAIN.values())).all(axis=1)
         & (frame.variant == "described")
@@ -104,7 +104,7 @@ def _compared(frame: pd.DataFrame, tasks: Sequence[str]) -> pd.DataFrame:
         & (frame.expert == paper.taught_by)
         & (frame.weights == "")
         & (frame.held_out == 0)
-        & frame.controller.isin([ORIGINAL, NO_CONTROLLER])
+        & (frame.controller == ORIGINAL)
     ]
     sizes = {
         (task, name): _size(task, name, tuple(part["size"].unique()), frame)
