@@ -31,7 +31,7 @@ docs: install-dev ## Write the API pages to build/api, from the docstrings
 
 results: install ## Write the tables and figures of the shipped results into the documents
 	$(BIN)/bench report --reference --out build/reference
-	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md
+	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md docs/beyond_the_paper.md
 	$(BIN)/python docs/run_notebook.py docs/explore-results.ipynb
 	cd build/reference/figures && cp success.png figure_5.png table_9.png two_experts_test.png disturbed.png $(CURDIR)/docs/images
 

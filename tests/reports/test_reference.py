@@ -48,7 +48,7 @@ def test_every_claim_has_a_verdict_on_the_shipped_results(report):
     assert not set(pd.read_csv(report / "tables/claims.csv").ours) & {"not run", "failed"}
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/results.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/results.md", "docs/beyond_the_paper.md"])
 def test_tables_in_documents_equal_those_of_the_report(report, page):
     text = (ROOT / page).read_text()
     marked = re.findall(r"<!-- (\w+) -->\n\n((?:\|.*\n)+)(?:\n|\Z)", text)

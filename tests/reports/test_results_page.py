@@ -1,4 +1,4 @@
-"""Numbers of docs/results.md from the shipped files, all but letters with pandas alone."""
+"""Numbers of the pages of results from the shipped files, all but letters with pandas alone."""
 
 import re
 from itertools import combinations
@@ -12,7 +12,8 @@ from reports.exhibits.two_experts import by_expert
 from reports.results import Results
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/results.md").read_text()
+PAGES = ("results.md", "beyond_the_paper.md")
+PAGE = "\n".join((ROOT / "docs" / page).read_text() for page in PAGES)
 STORED = pd.read_parquet(ROOT / "reports/reference/evaluations.parquet")
 EVERYTHING = STORED.query("replan == 0")
 EVALUATIONS = EVERYTHING.query("variant == 'described' and physics == 'nominal'")
