@@ -65,7 +65,7 @@ KINDS = {
 
 
 AUDITED = (UNCLIPPED, ON_SUCCESSES, FINE_TUNED)
-"""The kinds of controllers that only the experiment ``audit`` evaluates."""
+"""The kinds of controllers that only the experiment ``controllers`` evaluates."""
 ABOUT = {
     NO_CONTROLLER: "no controller: the expert and closed-loop methods act themselves",
     **{kind.name: kind.about for kind in KINDS.values()},

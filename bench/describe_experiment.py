@@ -82,12 +82,27 @@ ABOUT = {
         varies="Task, method, seed, how often a motion is predicted anew, physics, disturbance.",
         own=("closed_loop",),
     ),
-    "audit": About(
-        measures="How far results depend on choices that the paper leaves open.",
-        varies="Task, method, seed, and one of these at a time: the variant of the method (as"
-        " described, as published, others), the reading of appendix I, the success rule, and what"
-        " the controller learns from and starts from.",
-        own=("audit_variant", "audit_rule", "audit_physics"),
+    "variants": About(
+        measures="Success of methods trained as the appendix describes, as the authors' code does,"
+        " and in their other variants.",
+        varies="Task, method, variant, seed.",
+        own=("audit_variant",),
+    ),
+    "rules": About(
+        measures="Success of the same episodes by the rules of the appendix and of the authors'"
+        " code, on tasks where they differ.",
+        varies="Task, method, seed, success rule.",
+        own=("audit_rule",),
+    ),
+    "readings": About(
+        measures="Success in changed physics, with appendix I read in other ways.",
+        varies="Task, method, seed, reading.",
+        own=("audit_physics",),
+    ),
+    "controllers": About(
+        measures="Success with controllers that learn from something else or start elsewhere.",
+        varies="Task, method, seed, controller, physics.",
+        own=("audit_variant", "audit_physics"),
     ),
 }
 

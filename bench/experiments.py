@@ -24,9 +24,9 @@ from methods.registry import get_method
 from tasks.disturbances import REPLANNED, names_of
 from tasks.errors import InputError, unknown_name
 from tasks.masses import NOMINAL, READINGS
-from tasks.registry import JUDGED_OTHERWISE, PUBLISHED, get_task
+from tasks.registry import APPENDIX, JUDGED_OTHERWISE, PUBLISHED, get_task
 
-CHANGE_PHYSICS = ("robustness", "closed_loop", "audit")
+CHANGE_PHYSICS = ("robustness", "closed_loop", "readings", "controllers")
 """Experiments that a task without variations of the physics cannot have."""
 EFFICIENCY_DEMOS = (10, 25, 50, 100, 150, 200)
 REPLANS = (20, 5, 1)
@@ -108,50 +108,41 @@ def closed_loop(study: Study, chosen: Sizes) -> list[Cell]:
     return cells(study, fits, conditions, study.episodes["closed_loop"])
 
 
-def audit(study: Study, chosen: Sizes) -> list[Cell]:
-    """Success with other choices where the paper leaves one open.
-
-    These are variants of the methods, readings of appendix I, success rules, and controllers.
-    """
-    variants = fits_of_variants(study, chosen)
-    return [
-        *cells(study, variants, [UNSEEN], study.episodes["audit"]),
-        *_readings(study, chosen),
-        *_rules(study, chosen),
-        *_controllers(study, chosen),
-    ]
+def variants(study: Study, chosen: Sizes) -> list[Cell]:
+    """Success of methods trained as described, as published, and in their other variants."""
+    fits = fits_of_variants(study, chosen)
+    return cells(study, fits, [UNSEEN], study.episodes["variants"])
 
 
-def _readings(study: Study, chosen: Sizes) -> list[Cell]:
-    """Success with other readings of the masses in appendix I, which differ from task to task."""
-    found = []
-    for task in study.tasks:
-        readings = [Conditions("test", physics) for physics in READINGS.get(task, ())]
-        fits = chosen_fits(replace(study, tasks=(task,)), chosen)
-        found += cells(study, fits, readings, _few(study))
-    return found
-
-
-def _rules(study: Study, chosen: Sizes) -> list[Cell]:
+def rules(study: Study, chosen: Sizes) -> list[Cell]:
     """Success as the published code judges it, on the tasks where it has a rule of its own."""
     tasks = tuple(task for task in study.tasks if task in JUDGED_OTHERWISE)
     fits = chosen_fits(replace(study, tasks=tasks), chosen)
-    return cells(study, fits, [Conditions("test", rule=PUBLISHED)], study.episodes["audit"])
+    judged = [Conditions("test", rule=rule) for rule in (APPENDIX, PUBLISHED)]
+    return cells(study, fits, judged, study.episodes["rules"])
 
 
-def _controllers(study: Study, chosen: Sizes) -> list[Cell]:
+def readings(study: Study, chosen: Sizes) -> list[Cell]:
+    """Success with other readings of the masses in appendix I, which differ from task to task."""
+    found = []
+    for task in study.tasks:
+        changed = [Conditions("test", physics) for physics in READINGS.get(task, ())]
+        fits = chosen_fits(replace(study, tasks=(task,)), chosen)
+        found += cells(study, fits, changed, study.episodes["readings"])
+    return found
+
+
+def controllers(study: Study, chosen: Sizes) -> list[Cell]:
     """Success with controllers that learnt from something else, or started elsewhere."""
-    fits = tracked(chosen_fits(study, chosen))
-    unclipped = [Conditions("test", controller=UNCLIPPED)]
-    tuned = [
-        Conditions("test", physics, kind)
-        for kind in (ON_SUCCESSES, FINE_TUNED)
-        for physics in _variations(study, "audit")
+    tried = [
+        Conditions("test", controller=UNCLIPPED),
+        *(
+            Conditions("test", physics, kind)
+            for kind in (ON_SUCCESSES, FINE_TUNED)
+            for physics in _variations(study, "controllers")
+        ),
     ]
-    return [
-        *cells(study, fits, unclipped, study.episodes["audit"]),
-        *cells(study, fits, tuned, _few(study)),
-    ]
+    return cells(study, tracked(chosen_fits(study, chosen)), tried, study.episodes["controllers"])
 
 
 def _variations(study: Study, experiment: str) -> tuple[str, ...]:
@@ -175,12 +166,6 @@ def _variations(study: Study, experiment: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for names in by_task.values() for name in names))
 
 
-def _few(study: Study) -> int:
-    """Episodes of those evaluations of ``audit`` that are compared with ``robustness``."""
-    episodes = study.episodes["audit"]
-    return min(episodes, study.episodes.get("robustness", episodes))
-
-
 EXPERIMENTS: dict[str, Callable[[Study, Sizes], list[Cell]]] = {
     "sizes": sizes,
     "success": success,
@@ -191,7 +176,10 @@ EXPERIMENTS: dict[str, Callable[[Study, Sizes], list[Cell]]] = {
     "efficiency": efficiency,
     "disturbed": disturbed,
     "closed_loop": closed_loop,
-    "audit": audit,
+    "variants": variants,
+    "rules": rules,
+    "readings": readings,
+    "controllers": controllers,
 }
 
 

@@ -49,7 +49,7 @@ def fits_of_sizes(study: Study) -> list[Fit]:
 
 
 def fits_of_variants(study: Study, chosen: Sizes) -> list[Fit]:
-    """Returns the fits of every method in each variant that ``audit`` compares."""
+    """Returns the fits of every method in each variant that is compared."""
     return [
         fit
         for task in study.tasks
@@ -92,7 +92,7 @@ def held_out(fit: Fit) -> Fit:
 
 
 def compared_variants(study: Study, method: type[Method]) -> list[str]:
-    """Returns the variants that ``audit`` compares. Sets of observables are left to ``lifting``."""
+    """Returns the compared variants of a method. Sets of observables are left to ``lifting``."""
     if study.variants is not None:
         return [variant for variant in method.variants if variant in study.variants]
     return [variant for variant in method.variants if variant not in LIFTING_VARIANTS[1:]]

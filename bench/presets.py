@@ -25,7 +25,7 @@ class Study:
     """Sizes that the experiment ``sizes`` compares; ``smallest`` is the first size of each method.
     A method that has none of these sizes is compared at all its sizes. Default: all."""
     variants: tuple[str, ...] | None = None
-    """Variants that the experiment ``audit`` compares. Default: all."""
+    """Variants that the experiment ``variants`` compares. Default: all."""
     seeds: tuple[int, ...] = tuple(range(1, 11))
     """Each repeats the whole study: see docs/protocol.md."""
     demos: int = 200
@@ -104,7 +104,17 @@ PRESETS = {
             "efficiency": 200,
         }
     ),
-    "audit": Study(episodes={"robustness": 200, "audit": 1000}, methods=PAPER, seeds=(1, 2, 3)),
+    "audit": Study(
+        episodes={
+            "robustness": 200,
+            "variants": 200,
+            "rules": 200,
+            "readings": 200,
+            "controllers": 200,
+        },
+        methods=PAPER,
+        seeds=(1, 2, 3),
+    ),
     "beyond": Study(
         episodes={
             "success": 200,

@@ -19,7 +19,7 @@ def check_names(study: Study) -> None:
     """Raises InputError if the sizes or variants of a study cannot be compared.
 
     A size or variant is unknown to every method of the study, or there are variants without the
-    experiment ``audit``, which compares them.
+    experiment ``variants``, which compares them.
     """
     methods = [get_method(name) for name in study.methods]
     sizes = dict.fromkeys([SMALLEST, *(size for method in methods for size in method.sizes)])
@@ -31,11 +31,11 @@ def check_names(study: Study) -> None:
         for name in names or ():
             if name not in known:
                 raise _unknown_label(study, kind, name, known)
-    if study.variants is not None and "audit" not in study.episodes:
-        presets = [name for name, preset in PRESETS.items() if "audit" in preset.episodes]
+    if study.variants is not None and "variants" not in study.episodes:
+        presets = [name for name, preset in PRESETS.items() if "variants" in preset.episodes]
         raise InputError(
-            "variants are compared by the experiment audit, which is not among the experiments of"
-            f" the run ({', '.join(study.episodes)}); presets with audit: {', '.join(presets)}"
+            "the experiment variants compares variants, and is not among the experiments of the run"
+            f" ({', '.join(study.episodes)}); presets with it: {', '.join(presets)}"
         )
 
 
@@ -97,13 +97,13 @@ def _check_not_compared(study: Study, name: str, field: str) -> None:
 
 def _requested_variants(study: Study, method: type[Method]) -> list[str]:
     """The variants of a method that the study may fit."""
-    audited = compared_variants(study, method) if "audit" in study.episodes else []
-    return list(dict.fromkeys(["described", *audited]))
+    compared = compared_variants(study, method) if "variants" in study.episodes else []
+    return list(dict.fromkeys(["described", *compared]))
 
 
 def _compared_fields(study: Study, method: type[Method]) -> dict[str, set[str]]:
     """By experiment, the config fields of a method whose values it compares."""
-    variants = {"audit": compared_variants(study, method), "lifting": LIFTING_VARIANTS}
+    variants = {"variants": compared_variants(study, method), "lifting": LIFTING_VARIANTS}
     compared = {
         experiment: {field for name in names for field in method.variants.get(name, ())}
         for experiment, names in variants.items()

@@ -29,7 +29,7 @@ class Options(TypedDict, total=False):
     sizes: Names | None
     """Model sizes to compare."""
     variants: Names | None
-    """Variants for the experiment ``audit``."""
+    """Variants for the experiment ``variants``."""
     seeds: str | int | Sequence[int] | None
     """A count (5 means 1 to 5), a list ([2, 4]), or a text (``1-3,7``)."""
     episodes: int | None

@@ -70,7 +70,7 @@ class StudyOptions:
     variants: Annotated[
         str | None,
         typer.Option(
-            help="Comma-separated method variants for the experiment audit, such as"
+            help="Comma-separated method variants for the experiment variants, such as"
             " described,published. Default: all."
         ),
     ] = None

@@ -127,8 +127,7 @@ def test_describe_gives_the_measure_and_counts_of_an_experiment(bench, name):
         if counts:
             assert counts["episodes"] == study.episodes[name]
             assert counts["evaluations"] == len(cells)
-            if name != "audit":  # beside robustness it takes as few episodes
-                assert counts["episodes_in_all"] == sum(cell.episodes for cell in cells)
+            assert counts["episodes_in_all"] == sum(cell.episodes for cell in cells)
             assert {cell.evaluation.split for cell in cells} <= set(facts["splits"])
             assert {cell.evaluation.physics for cell in cells} <= set(facts["physics"])
             assert {cell.evaluation.controller for cell in cells} <= set(facts["controllers"])

@@ -33,8 +33,7 @@ def study(monkeypatch):
         get_preset("smoke"),
         methods=("kodex",),
         seeds=(1, 2),
-        episodes={"audit": 2},
-        variants=("described",),
+        episodes={"success": 2, "controllers": 2},
         demos=6,
         controller=SHORT,
     )

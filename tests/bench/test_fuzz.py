@@ -30,7 +30,9 @@ LAYOUT = Layout(robot_dim=3, object_dim=2, action_dim=3)
 toy = partial(toy, layout=LAYOUT, horizon=15)
 STUDIES = {
     "smoke": PRESETS["smoke"],
-    "audit": replace(PRESETS["audit"], tasks=("door",), seeds=(1,), episodes={"audit": 1}),
+    "audit": replace(
+        PRESETS["audit"], tasks=("door",), seeds=(1,), episodes={"variants": 1, "controllers": 1}
+    ),
 }
 DEMOS_KEYS = dict.fromkeys(TASKS, "key")
 WORDS = st.sampled_from(

@@ -29,7 +29,7 @@ def study(smoke, monkeypatch):
         get_preset("smoke"),
         methods=("kodex", "nn"),
         seeds=(1, 2),
-        episodes={"success": 7, "ood": 5, "stability": 2, "audit": 4},
+        episodes={"success": 7, "ood": 5, "stability": 2, "variants": 4, "controllers": 4},
         variants=("described",),
         settings={("nn", "epochs"): 1},
     )

@@ -159,7 +159,8 @@ def test_time_measures_each_fit_once(task, smoke, bench, tmp_path):
 
 
 def test_an_audit_evaluates_other_masses_and_other_controllers(task, smoke, bench, tmp_path):
-    study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
+    audit = dict.fromkeys(("variants", "rules", "readings", "controllers"), 3)
+    study = replace(get_preset("smoke"), episodes=audit)
     assert not run(study, tmp_path, Workers(1, "sequential")).failed
     frame = StoredResults(tmp_path).frame()
     kodex = frame[(frame.method == "kodex") & (frame.variant == "described")]

@@ -93,7 +93,7 @@ def test_a_controller_without_successes_to_learn_from_fails_alone(
         success, demos = record_demos(task, starts, expert, physics, failures=failures)
         return success, demos[:0] if physics == "heavy_hand" and not failures else demos
 
-    study = replace(get_preset("smoke"), tasks=("door",), episodes={"audit": 3})
+    study = replace(get_preset("smoke"), tasks=("door",), episodes={"controllers": 3})
     monkeypatch.setattr("bench.training_data.record", record)
     (failed,) = run(study, tmp_path, Workers(1, "sequential")).failed
     assert failed.startswith(

@@ -50,7 +50,7 @@ def test_a_tuple_may_be_set_with_or_without_brackets(task, smoke, written):
             "has the size 'small'; methods that have it: nn, lstm, ndp",
         ),
         (("smoke", "--variants", "publishd"), "choose from described"),
-        (("smoke", "--variants", "described"), "presets with audit: audit"),
+        (("smoke", "--variants", "described"), "presets with it: audit"),
         (("smoke", "--experiments", "suces"), "did you mean 'success'"),
         (
             ("smoke", "--experiments", "success,robustness"),

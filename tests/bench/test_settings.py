@@ -14,12 +14,12 @@ from tasks.errors import InputError
     ("place", "value", "experiment"),
     [
         (("kodex", "observables"), 2, "lifting"),
-        (("lstm", "teacher_forced"), True, "audit"),
+        (("lstm", "teacher_forced"), True, "variants"),
         (("ndp", "hidden"), [8], "sizes"),
     ],
 )
 def test_a_field_that_an_experiment_compares_cannot_be_set(place, value, experiment):
-    preset = get_preset("audit" if experiment == "audit" else "paper")
+    preset = get_preset("audit" if experiment == "variants" else "paper")
     study = replace(preset, settings={place: value})
     with pytest.raises(InputError, match=f"is what {experiment} compares"):
         cells_of(study, dict.fromkeys(study.tasks, "key"))
@@ -50,7 +50,7 @@ def test_a_setting_must_be_known_to_every_variant_that_is_fitted():
     with pytest.raises(InputError, match="unknown config field of ngf as published 'window'"):
         cells_of(study, keys)
     assert cells_of(replace(study, variants=("described",)), keys)
-    episodes = {name: n for name, n in study.episodes.items() if name != "audit"}
+    episodes = {name: n for name, n in study.episodes.items() if name != "variants"}
     assert cells_of(replace(study, episodes=episodes), keys)
 
 

@@ -156,7 +156,7 @@ def test_method_that_is_not_installed_has_no_share_of_epochs():
 
 
 def test_demonstrations_of_efficiency_and_controllers_of_audit_may_differ():
-    experiments = {"success": 20, "efficiency": 20, "audit": 20, "robustness": 20}
+    experiments = {"success": 20, "efficiency": 20, "controllers": 20, "robustness": 20}
     assert differing(rows("paper", methods=("kodex", "ngf"), episodes=experiments)).empty
 
 
