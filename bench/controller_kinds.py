@@ -64,6 +64,8 @@ KINDS = {
 """Every kind, by name."""
 
 
+COMPARED = (NO_CONTROLLER, ORIGINAL)
+"""The kinds of the main comparison."""
 AUDITED = (UNCLIPPED, ON_SUCCESSES, FINE_TUNED)
 """The kinds of controllers that only the experiment ``controllers`` evaluates."""
 ABOUT = {

@@ -7,14 +7,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.controller_kinds import COMPARED
 from bench.labels import VALIDATION, labelled
+from bench.names import PLAIN
 from bench.options import results_folder
 from bench.packed import is_packed, open_results, shipped
 from bench.results import Results
 from bench.selection import best_validated
 from bench.source import episodes_table
 from bench.views import view
-from tasks.errors import InputError
+from tasks.errors import InputError, unknown_name
 from tasks.files import path_of
 
 if TYPE_CHECKING:
@@ -54,6 +56,28 @@ class Opened:
         """One row for each episode, see `bench.load`."""
         return episodes_table(self._source)
 
+    def plain(self, split: str = "test") -> pd.DataFrame:
+        """Returns the episodes of the main comparison, in which nothing is changed.
+
+        Methods as described, each on each task in one size (see `at_best_size`) and with the most
+        demonstrations; nominal physics, appendix C's rule, no disturbance, the original controller
+        or none, and motions that are predicted once. The columns are those of `episodes`.
+
+        Args:
+            split: ``test``, ``ood`` (out of distribution) or ``validation``.
+
+        Raises:
+            InputError: the results have no such split.
+        """
+        found = self.episodes
+        if split not in set(found.split):
+            raise unknown_name("split with results", split, found.split.unique())
+        for name, value in (PLAIN | {"split": split, "variant": "described"}).items():
+            found = found[found[name] == value]
+        found = self.at_best_size(found[found.controller.isin(COMPARED)])
+        most = found.groupby(["task", "method"], observed=True).demos.transform("max")
+        return found[found.demos == most]
+
     def at_best_size(self, episodes: pd.DataFrame) -> pd.DataFrame:
         """Returns the episodes of each method on each task in one of its sizes.
 
@@ -61,7 +85,7 @@ class Opened:
         as in reports. A mean over several sizes would be that of no method.
 
         Args:
-            episodes: rows of `episodes`, already those of one condition.
+            episodes: rows of `episodes` of one condition, such as one disturbance.
         """
         frame = labelled(self.frame)
         evaluations = frame[(frame.split == VALIDATION) & (frame.variant == "described")]

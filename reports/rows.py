@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from bench.controller_kinds import NO_CONTROLLER, ORIGINAL
+from bench.controller_kinds import COMPARED
 from bench.labels import EXPERT, plain
 from bench.names import PLAIN
 from bench.selection import best_validated
@@ -16,8 +16,6 @@ from tasks.data import BoolArray
 
 Place = tuple[str, str]
 """A task and a method."""
-COMPARED = (NO_CONTROLLER, ORIGINAL)
-"""Controllers of every experiment but `audit`."""
 
 
 class Rows:
@@ -30,7 +28,8 @@ class Rows:
         """Returns the evaluations with these values.
 
         Defaults: methods as described, nominal physics, success by appendix C, and the
-        controllers `COMPARED`. Unless it is named, no method `beyond` the paper is among them.
+        controllers of `bench.controller_kinds.COMPARED`. Unless it is named, no method `beyond` the
+        paper is among them.
         """
         wanted = PLAIN | {"variant": "described"} | values
         keep = [self._where(name, value) for name, value in wanted.items()]

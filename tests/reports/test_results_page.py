@@ -7,9 +7,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import bench
 from bench.packed import shipped
 from reports.exhibits.two_experts import by_expert
 from reports.results import Results
+from tasks.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("results.md", "beyond_the_paper.md")
@@ -51,6 +53,21 @@ def success(split: str) -> pd.Series:
     """The success in per cent by method, task and seed; the first expert taught."""
     rows = at_best_size(UNDISTURBED.query("split == @split and expert == 'first'"))
     return rates(rows).groupby([rows["method"], rows["task"], rows["seed"]]).first()
+
+
+@pytest.mark.parametrize("split", ["test", "ood"])
+def test_plain_episodes_are_those_of_the_main_comparison(split):
+    episodes = bench.open().plain(split)
+    episodes = episodes[~episodes["method"].str.endswith("second_expert")]
+    means = 100 * episodes.groupby(["method", "task", "seed"], observed=True)["success"].mean()
+    assert means.to_dict() == pytest.approx(success(split).to_dict())
+
+
+def test_plain_episodes_of_an_unknown_split_are_refused():
+    with pytest.raises(
+        InputError, match=r"unknown split with results 'tets': .* did you mean 'test'"
+    ):
+        bench.open().plain("tets")
 
 
 def table(below: str) -> dict[str, list[str]]:
