@@ -89,7 +89,7 @@ def run_study(study: "Study", out: Path, where: "Workers") -> "Outcome":
     except KeyboardInterrupt:
         print("stopped; rerun the same command to resume", file=sys.stderr)
         raise
-    for remark in remarks(Results(out)):
+    for remark in remarks(Results(out), study.methods):
         print(f"note: {remark}", file=sys.stderr)
     for failure in outcome.failed:
         print(f"failed: {failure}", file=sys.stderr)

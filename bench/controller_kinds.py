@@ -49,13 +49,14 @@ KINDS = {
         ),
         ControllerKind(
             ON_SUCCESSES,
-            "as tuned, but on successful episodes only",
+            "trained on the expert's successful episodes in the changed physics",
             changed_physics=True,
             keeps_failures=False,
         ),
         ControllerKind(
             FINE_TUNED,
-            "as tuned, but training starts from the weights of the original controller",
+            "trained on the expert's episodes in the changed physics, from the weights of the"
+            " original controller",
             changed_physics=True,
             starts_from=ORIGINAL,
         ),

@@ -1,12 +1,11 @@
 """Describes tasks, methods, experiments and presets as dictionaries, for `bench describe`."""
 
 from dataclasses import asdict
-from difflib import get_close_matches
 from typing import Any
 
 from tasks.base import SPLITS, Task
 from tasks.components import Range
-from tasks.errors import InputError, reason_of
+from tasks.errors import InputError, nearest_name, reason_of
 from tasks.experts import experts_of, load_expert
 from tasks.masses import NOMINAL
 from tasks.registry import TASKS, get_task, task_names, unknown_task, unusable_tasks
@@ -40,8 +39,8 @@ def describe(name: str) -> dict[str, Any]:
         raise unknown_method(name)
     if name in unusable_tasks():
         raise unknown_task(name)
-    nearest = get_close_matches(name, [known for _, names, _ in kinds for known in names], n=1)
-    hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+    nearest = nearest_name(name, [known for _, names, _ in kinds for known in names])
+    hint = f"; did you mean {nearest!r}?" if nearest else ""
     known = "".join(f"\n  {kind}s: {', '.join(names)}" for kind, names, _ in kinds)
     raise InputError(f"unknown name {name!r}{hint}\nthere are{known}")
 

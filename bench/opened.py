@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.controller_kinds import COMPARED
-from bench.labels import VALIDATION, labelled
+from bench.labels import OF_SECOND, VALIDATION, labelled
 from bench.names import PLAIN
 from bench.options import results_folder
 from bench.packed import is_packed, open_results, shipped
@@ -59,9 +59,10 @@ class Opened:
     def plain(self, split: str = "test") -> pd.DataFrame:
         """Returns the episodes of the main comparison, in which nothing is changed.
 
-        Methods as described, each on each task in one size (see `at_best_size`) and with the most
-        demonstrations; nominal physics, appendix C's rule, no disturbance, the original controller
-        or none, and motions that are predicted once. The columns are those of `episodes`.
+        Methods as described, which the first expert taught if both did, each on each task in one
+        size (see `at_best_size`) and with the most demonstrations; nominal physics, appendix C's
+        rule, no disturbance, the original controller or none, and motions that are predicted once.
+        The columns are those of `episodes`.
 
         Args:
             split: ``test``, ``ood`` (out of distribution) or ``validation``.
@@ -74,7 +75,8 @@ class Opened:
             raise unknown_name("split with results", split, found.split.unique())
         for name, value in (PLAIN | {"split": split, "variant": "described"}).items():
             found = found[found[name] == value]
-        found = self.at_best_size(found[found.controller.isin(COMPARED)])
+        second = found.method.str.contains(OF_SECOND)
+        found = self.at_best_size(found[found.controller.isin(COMPARED) & ~second])
         most = found.groupby(["task", "method"], observed=True).demos.transform("max")
         return found[found.demos == most]
 

@@ -38,6 +38,11 @@ def number(least: int, text: str) -> Any:
     return typer.Option(parser=parse, metavar="NUMBER", help=text)
 
 
+def holds_results(folder: Path) -> bool:
+    """Returns whether a folder holds what `bench run` or `bench pack` writes."""
+    return any(os.path.exists(folder / name) for name in ("evaluations.parquet", "cells"))
+
+
 def results_folder(folder: Path, packed: bool = False) -> Path:
     """Returns a results folder after checking that it holds results. Creates nothing.
 
@@ -58,6 +63,6 @@ def results_folder(folder: Path, packed: bool = False) -> Path:
             f"{folder} holds results of `bench pack`, without the fits that this command needs:"
             " name a results folder of `bench run`"
         )
-    if not small and not os.path.isdir(folder / "cells"):
+    if not holds_results(folder):
         raise InputError(f"{folder} holds no results: `bench run` writes them, with --out")
     return folder

@@ -73,8 +73,8 @@ def experiment_names() -> list[str]:
 SMALLEST = "smallest"
 REDUCED = "Two seeds and fewer episodes than the paper's protocol; trained in full."
 FOR_TESTS = (
-    "`smoke` is for tests: with its few demonstrations and training epochs nothing is learnt, and"
-    " its numbers mean nothing."
+    "The preset smoke is for tests: with its few demonstrations and training epochs nothing is"
+    " learnt, and its numbers mean nothing."
 )
 
 PRESETS = {

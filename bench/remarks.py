@@ -1,7 +1,7 @@
 """Remarks on results: answers of a method that were not finite, and packages edited since."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,9 +18,14 @@ def who_answers(method: str, variant: str, task: str, seeds: Sequence[int]) -> s
     return f"{name} on {task}, {noun} {', '.join(map(str, seeds))}"
 
 
-def remarks(results: "Results") -> list[str]:
-    """Returns a line for each method and task with such answers, and for each edited package."""
-    return [*_non_finite(results), *_edited(results)]
+def remarks(results: "Results", methods: Collection[str] | None = None) -> list[str]:
+    """Returns a line for each method and task with such answers, and for each edited package.
+
+    Args:
+        results: the results.
+        methods: those whose answers are remarked on. Default: all.
+    """
+    return [*_non_finite(results, methods), *_edited(results)]
 
 
 def _edited(results: "Results") -> list[str]:
@@ -43,7 +48,7 @@ def _edited(results: "Results") -> list[str]:
     ]
 
 
-def _non_finite(results: "Results") -> list[str]:
+def _non_finite(results: "Results", methods: Collection[str] | None) -> list[str]:
     """A line for each method and task with such answers in the requested evaluations.
 
     For example ``badact on door, seed 1: act returned NaN or inf for 17 of 20 starts, first at
@@ -51,6 +56,8 @@ def _non_finite(results: "Results") -> list[str]:
     """
     found: dict[tuple[str, str, str, str], list[_Said]] = {}
     for spec, episodes, chunks in results.non_finite():
+        if methods is not None and spec["method"] not in methods:
+            continue
         place = (spec["method"], spec["variant"], spec["task"], chunks[0].call)
         starts, first = sum(one.starts for one in chunks), min(one.first for one in chunks)
         found.setdefault(place, []).append(_Said(spec["seed"], starts, episodes, first))

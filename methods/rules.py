@@ -181,4 +181,7 @@ def beats_holding_still(subject: Subject) -> None:
         error = mean_error(answer(method), wanted)
         if error < bound:
             return
-    raise RuleBrokenError(f"its mean error is {error:.3g}, and holding still has {bound:.3g}")
+    raise RuleBrokenError(
+        f"its mean error is {error:.3g}, and holding still has {bound:.3g}: has it learnt, and are"
+        " its answers in the units of the demonstrations?"
+    )

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from bench.labels import EXPERT
 from methods.registry import TO_BEAT
 from reports.exhibits.success import success_by_method, success_of
 from reports.multiple import LEVEL
@@ -21,8 +20,6 @@ HOW = (
     " How far a method is behind is the 95% interval of the difference, in points of success."
 )
 FIXED = "The expert of a task is fixed: what another expert would give is outside every interval."
-FEW = 2
-"""Up to so many methods that share the most success are named."""
 Pair = tuple[str, str]
 Gaps = dict[Pair, tuple[float, float]]
 """Interval of the difference in points, by better and worse method, for pairs told apart."""
@@ -53,7 +50,7 @@ def answer(results: Results) -> list[str]:
 
 
 def to_beat(results: Results) -> list[str]:
-    """Returns a sentence on the line to beat, and one on the best of all methods.
+    """Returns a sentence on the line to beat, and one on closed-loop methods.
 
     Each is left out if the results have no such methods.
     """
@@ -66,19 +63,14 @@ def to_beat(results: Results) -> list[str]:
     said = [f"The line to beat: {'; '.join(simple)}."] if simple else []
     if results.rows.beyond:
         every = success_of(results, results.rows.of_all(split="test"))
-        learnt = every[every.row != EXPERT]
-        named = [_most(part, results) for _, part in learnt.groupby("column", sort=False)]
-        if named:
-            said.append(f"Most of all methods, closed-loop ones included: {_listed(named)}.")
+        beyond = every[every.row.isin(results.rows.beyond)]
+        rates = [
+            f"{results.display(method)} {_by_task(part.set_index('column').value)}"
+            for method, part in beyond.groupby("row", sort=False)
+        ]
+        if rates:
+            said.append(f"Closed-loop methods, which see states on the way: {'; '.join(rates)}.")
     return said
-
-
-def _most(part: pd.DataFrame, results: Results) -> str:
-    """Who has the most success on one task; many that share it are counted."""
-    rates = part.set_index("row").value.round(1)
-    best = [results.display(method) for method in rates.index[rates == rates.max()]]
-    names = _listed(best) if len(best) <= FEW else f"{len(best)} methods"
-    return f"{names} {rates.max():.1f}% ({display(part.column.iloc[0])})"
 
 
 def _by_task(values: "pd.Series[float]") -> str:

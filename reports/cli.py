@@ -13,10 +13,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bench.doing import doing
-from bench.options import SOME_FAILED, AsJson, Jobs, TaskName, number, results_folder
+from bench.options import (
+    SOME_FAILED,
+    AsJson,
+    Jobs,
+    TaskName,
+    holds_results,
+    number,
+    results_folder,
+)
 from bench.parsing import names
 from tasks.errors import InputError
-from tasks.files import whole_file, writable_file, writable_folder
+from tasks.files import file_name, whole_file, writable_file, writable_folder
 from tasks.registry import task_names, unknown_task
 from tasks.words import count_of
 
@@ -72,6 +80,8 @@ def report(
     from reports.write import write_report
 
     source = _one_of(folder, reference)
+    if out is not None and holds_results(out):
+        raise InputError(f"{out} holds results: name another folder, such as {out / 'report'}")
     place = writable_folder(out or (Path("report") if folder is None else folder / "report"))
     if export is not None:
         writable_file(export)
@@ -303,7 +313,7 @@ def video(
         else:
             starts = {f"start-{start}": start}
     for name, index in starts.items():
-        path = place / f"{task}-s{seed}-{name}.mp4"
+        path = place / f"{file_name([task, *chosen, f's{seed}', name])}.mp4"
         with doing(f"filming {path.name}"):
             film(results, task, chosen, seed, index, path)
         print(path)

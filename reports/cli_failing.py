@@ -10,7 +10,7 @@ import typer
 from bench.options import AsJson, number, results_folder
 from bench.parsing import known_names
 from tasks.errors import InputError, unknown_name
-from tasks.files import whole_file, writable_folder
+from tasks.files import file_name, whole_file, writable_folder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +56,9 @@ def failures(
     for name in _tasks(results, task):
         by_method = _episodes(results, name, method, split, seed)
         tables.append(_count(name, by_method))
-        pictures.append(_draw(name, by_method, place))
+        chosen = [method, split, None if seed is None else f"s{seed}"]
+        picture = file_name(["failures", name, *filter(None, chosen)])
+        pictures.append(_draw(name, by_method, place / f"{picture}.png"))
     table = pd.concat(tables, ignore_index=True)
     films = [] if is_packed(folder) else _films(folder, table)
     if as_json:
@@ -134,13 +136,12 @@ def _count(task: str, by_method: "dict[str, pd.DataFrame]") -> "pd.DataFrame":
     )
 
 
-def _draw(task: str, by_method: "dict[str, pd.DataFrame]", folder: Path) -> Path:
+def _draw(task: str, by_method: "dict[str, pd.DataFrame]", path: Path) -> Path:
     from reports.failing import draw_failures
     from reports.style import style
     from tasks.registry import get_task
 
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"failures-{task}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
     with style(), whole_file(path) as file:
         draw_failures(get_task(task), by_method).savefig(file, format="png")
     return path

@@ -143,7 +143,9 @@ def _remark(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> s
         return f"No results of other methods on {trial.cell.fit.task} are shipped."
     fewest = others.n.min()
     few = f", on the first {count_of(fewest, 'start')}" if fewest < len(trial.success) else ""
+    from methods.registry import CLOSED_LOOP
     from reports.seed_statistics import ONE_SEED
+    from reports.style import display
 
     alike = ["demos"] * (not trial.cell.fit.weights) + ["controller"] * bool(trial.cell.controller)
     same = " and ".join(filter(None, [", ".join(alike), "starts"]))
@@ -152,7 +154,13 @@ def _remark(trial: "Trial", others: "pd.DataFrame", unlike: "pd.DataFrame") -> s
     )
     if trial.cell.controller:
         return remark
-    return f"{remark}\n{trial.cell.fit.method} sees every state, the others only the first one."
+    name = trial.cell.fit.method
+    seeing = [
+        name,
+        *map(display, [one for one in CLOSED_LOOP if one in set(others.method) - {name}]),
+    ]
+    seen = f"States on the way are seen by {', '.join(seeing)}; the others see the first one."
+    return f"{remark}\n{seen}"
 
 
 def _next_commands(trial: "Trial", out: Path) -> str:
@@ -169,5 +177,8 @@ def _next_commands(trial: "Trial", out: Path) -> str:
     if not failed:
         return f"none failed; film of one: {film}"
     shown = f"bench failures {folder} --method {name} --task {fit.task} --seed {fit.seed}"
+    if len(failed) == len(trial.success) and trial.cell.controller:
+        film += f"\nits motion, tracked and demonstrated, in Python: bench.open({str(out)!r})"
+        film += f".plot_motion({fit.task!r}, {name!r}, 0)"
     diverged = f" ({trial.diverged} diverged)" if trial.diverged else ""
     return f"{len(failed)} failed{diverged}: {shown}\nfilm of the first: {film}"

@@ -178,8 +178,9 @@ def draw_failures(task: "Task", by_method: dict[str, pd.DataFrame]) -> Figure:
             f"{display(method)}, seed {part.seed.min()}: {failed:,} of {len(part):,} fail",
             fontsize=10,
         )
+    shown = min(SHOWN, 1 + max(part.start.max() for part in firsts.values()))
     drawing.suptitle(
-        f"{display(task.name)}: the first {SHOWN} starts of each split (dashed: training"
+        f"{display(task.name)}: first {count_of(shown, 'start')} of each split\n(dashed: training"
         " distribution)",
         fontsize=11,
     )

@@ -18,10 +18,15 @@ from reports.seed_statistics import ONE_SEED
 from reports.style import METHODS, display, ordered
 from reports.submitted_rows import SubmittedRow
 from tasks.data import FloatArray
+from tasks.files import file_name
 from tasks.registry import SECOND, TASKS
 
 STEP = 10
 """Points of success. The strips of a task begin and end at multiples of it."""
+CLOSED = (
+    "Methods marked closed loop are not in the paper: they see states on the way and act"
+    " themselves. The table Beyond the paper has letters for all methods."
+)
 Shares = dict[tuple[str, str], FloatArray]
 
 
@@ -64,6 +69,7 @@ def strips(
     results: Results,
     exhibit: Exhibit,
     table: pd.DataFrame,
+    beyond: pd.DataFrame,
     submitted: Sequence[SubmittedRow] = (),
 ) -> dict[str, Any]:
     """Returns the table of success with a dot for each seed.
@@ -72,18 +78,22 @@ def strips(
         results: of a run.
         exhibit: success on test starts.
         table: its table.
+        beyond: the table of all methods, of which those beyond the paper are shown below it.
         submitted: rows to show below it.
 
     Returns:
         ``columns``: the ``name`` of each task and the ``ends`` of its lines [%]. ``rows``: the
         ``name`` of each method, its ``cells``, a `Strip` or None, and whether it is the user's
-        ``own``. ``submitted``: likewise, with the ``mark`` of each. ``footnotes``: what a reader
-        must know of them.
+        ``own``. ``beyond`` and ``submitted``: likewise, with the ``mark`` of each and no letters.
+        ``footnotes``: what a reader must know of them.
     """
     shares = _shares(results, keep_common(results.rows.main(split="test")))
     theirs = [_shares(one.results, one.evaluations) for one in submitted]
+    beyond = beyond[beyond.row.isin(results.rows.beyond)].assign(letters="")
+    seen = _shares(results, keep_common(results.rows.of_all(split="test"))) if len(beyond) else {}
     parts = [
         (table, shares),
+        (beyond, seen),
         *((one.table, its) for one, its in zip(submitted, theirs, strict=True)),
     ]
     ends = {task: _ends(parts, task) for task in table["column"].unique()}
@@ -97,6 +107,14 @@ def strips(
             }
             for row in table.row.drop_duplicates()
         ],
+        "beyond": [
+            {
+                "name": exhibit.display(row),
+                "mark": "closed loop",
+                "cells": _cells(exhibit, beyond[beyond.row == row], seen, ends),
+            }
+            for row in beyond.row.drop_duplicates()
+        ],
         "submitted": [
             {
                 "name": exhibit.display(one.name),
@@ -105,7 +123,11 @@ def strips(
             }
             for one, its in zip(submitted, theirs, strict=True)
         ],
-        "footnotes": [*exhibit.footnotes(table), *_about(submitted)],
+        "footnotes": [
+            *exhibit.footnotes(table),
+            *([CLOSED] if len(beyond) else []),
+            *_about(submitted),
+        ],
     }
 
 
@@ -178,12 +200,21 @@ def first_failures(results: Results, films: Mapping[str, str]) -> list[dict[str,
                     "own": method in results.own,
                     "seed": seed,
                     "start": start,
-                    "film": films.get(f"{task}-s{seed}-start-{start}"),
+                    "film": _film_of(films, task, method, f"s{seed}-start-{start}"),
                     "command": f"bench video {task} --results {place}"
                     f" --methods {shlex.quote(method)} --seed {seed} --start {start}",
                 }
             )
     return rows
+
+
+def _film_of(films: Mapping[str, str], task: str, method: str, start: str) -> str | None:
+    """Returns the anchor of a film of a method from a start, as `bench video` names it."""
+    named = f"-{file_name([method])}-"
+    for stem, anchor in films.items():
+        if stem.startswith(f"{task}-") and stem.endswith(f"-{start}") and named in stem:
+            return anchor
+    return None
 
 
 def _shares(results: Results, found: pd.DataFrame) -> Shares:

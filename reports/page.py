@@ -18,12 +18,13 @@ from reports.opening import first_failures, strips, study_facts
 from reports.results import Results
 from reports.style import INK, ON_DARK, display
 from reports.submitted_rows import SubmittedRow
+from reports.tables import table_of
 
 TEMPLATES = Path(__file__).with_name("templates")
 NONCE = "kodex-bench"
 """Admits the page's own style and script. All other text is escaped, and the content policy blocks
 what would slip through."""
-SUCCESS = "success"
+SUCCESS, BEYOND = "success", "beyond"
 """The exhibit that the page opens with."""
 _FOLLOWS = {
     **dict.fromkeys(("#000000", "#262626", INK), "currentColor"),
@@ -65,6 +66,7 @@ def render(
     paths = sorted(films.glob("[!.]*.mp4")) if films else []
     anchors = {path.stem: f"film-{path.stem}" for path in paths}
     first = next((exhibit for exhibit in shown if exhibit.name == SUCCESS), None)
+    beyond = tables.get(BEYOND, table_of())
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True)
     return environment.get_template("page.html").render(
         title="Imitation policies on a dexterous hand",
@@ -75,7 +77,7 @@ def render(
         answer=answer,
         fixed=FIXED,
         how=HOW,
-        success=first and strips(results, first, tables[SUCCESS], submitted),
+        success=first and strips(results, first, tables[SUCCESS], beyond, submitted),
         claims=[_claim(claim) for claim in claims.to_dict("records")],
         similar=f"{SIMILAR:g}",
         counts=", ".join(f"{count} {verdict}" for verdict, count in _counts(claims).items()),

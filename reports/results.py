@@ -115,8 +115,8 @@ class Results:
             return ["All methods learnt from the second expert of a task."]
         if SECOND in self.experts:
             return [
-                "What the second expert of a task taught has tables of its own in a report, such as"
-                " expert_change_test."
+                "The first expert of each task taught these methods. What changes with the second"
+                " is in the tables two_experts and expert_change of a report."
             ]
         return []
 

@@ -108,9 +108,13 @@ class Trial:
         return pd.DataFrame(rows, columns=SETTINGS)
 
     def _others(self, reference: Results) -> pd.DataFrame:
-        """Returns the shipped evaluations of methods on the trial's starts."""
-        fit = self.cell.fit
-        return without_expert(reference.rows.main(task=fit.task, split="test", seed=fit.seed))
+        """Returns the shipped evaluations on the trial's starts, of methods that act as it does.
+
+        Closed-loop methods stand beside a closed-loop one alone.
+        """
+        fit, rows = self.cell.fit, reference.rows
+        shown = rows.main if self.cell.controller else rows.of_all
+        return without_expert(shown(task=fit.task, split="test", seed=fit.seed))
 
 
 def _row(method: str, success: BoolArray) -> tuple[Any, ...]:

@@ -20,6 +20,10 @@ _BACKPORT = os.path.join("", "importlib_metadata", "")
 """Part of the file names of the backport of importlib's entry points, where it is installed."""
 
 
+BROUGHT = ("method", "task")
+"""Kinds of things that packages bring."""
+
+
 class InputError(ValueError):
     """The caller gave a value that is not allowed; the message says what is."""
 
@@ -27,15 +31,26 @@ class InputError(ValueError):
 def unknown_name(kind: str, name: object, allowed: Iterable[str]) -> InputError:
     """Returns the error for a name that is not among the allowed ones.
 
+    It names the nearest one. If none is alike, it says how names of packages become known.
+
     Args:
         kind: the kind of thing that is named, such as ``"task"``.
         name: the unknown name.
         allowed: the names that exist.
     """
     known = list(allowed)
-    nearest = difflib.get_close_matches(str(name), known, n=1)
-    hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+    found = nearest_name(name, known)
+    hint = f"; did you mean {found!r}?" if found else ""
+    if not found and kind in BROUGHT:
+        hint = ". One of your own is known while its package is installed: pip install -e FOLDER"
     return InputError(f"unknown {kind} {name!r}: choose from {', '.join(known)}{hint}")
+
+
+def nearest_name(name: object, known: Iterable[str]) -> str:
+    """Returns the known name most like a name, in upper or lower case; empty if none is alike."""
+    by_lower = {one.lower(): one for one in known}
+    nearest = difflib.get_close_matches(str(name).lower(), by_lower, n=1)
+    return by_lower[nearest[0]] if nearest else ""
 
 
 def described(error: BaseException) -> str:

@@ -2,8 +2,9 @@
 
 import json
 import os
+import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -14,10 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
+from tasks.data import key
 from tasks.errors import InputError
 
 _COMPLEX = "complex"
 """Label of a file: the names of its complex arrays, which are stored as pairs of real numbers."""
+
+
+LONGEST_NAME = 200
+"""Largest number of characters of a `file_name`."""
 
 
 def to_bytes(arrays: Mapping[str, NDArray[Any]], **labels: str) -> bytes:
@@ -207,3 +213,14 @@ def _beside(target: Path) -> Iterator[Path]:
             with suppress(OSError):
                 remove()
         raise
+
+
+def file_name(parts: Iterable[object]) -> str:
+    """Returns a name for a file: the parts, joined by hyphens, in characters of any file system.
+
+    The end of a long name is replaced by digits of its key.
+    """
+    text = re.sub(r"[^\w.+=-]", "_", "-".join(map(str, parts)))
+    if len(text) <= LONGEST_NAME:
+        return text
+    return f"{text[: LONGEST_NAME - 9]}~{key('file name', text)[:8]}"

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tasks.errors import InputError, unknown_name
-from tasks.packages import Group, PackageError
+from tasks.packages import Group
 
 if TYPE_CHECKING:
     from tasks.base import Task
@@ -53,10 +53,7 @@ def unusable_tasks() -> dict[str, str]:
 
 def unknown_task(name: str) -> InputError:
     """Returns the error for a name not in `task_names`, with the reason if it is unusable."""
-    error = _BROUGHT.unknown(name, task_names())
-    if isinstance(error, PackageError):
-        return error
-    return InputError(f"{error}. A task of a package is known while that package is installed")
+    return _BROUGHT.unknown(name, task_names())
 
 
 def get_task(name: str, rule: str = APPENDIX) -> Task:

@@ -74,8 +74,8 @@ EXHIBIT = Exhibit(
     title="Disturbed",
     about="Success [%] on test starts when something is off, by its strength: normal errors of the"
     " hinges of the hand at the start, of the object's place, of what is read; a push at a random"
-    " step of the first half; actions that arrive late. All methods meet the same. Stronger"
-    " ones: in the figure and the CSV file.",
+    " step of the first half; actions that arrive late. All methods meet the same. A hyphen"
+    " stands where a task has no such disturbance. Stronger ones: in the figure and the CSV file.",
     table=table,
     part="robustness",
     figure=figure,

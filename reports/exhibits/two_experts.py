@@ -77,8 +77,9 @@ EXHIBITS = tuple(
         name=f"two_experts_{split}",
         title=f"Success under each of two experts: {place}",
         about=f"Success [%] {starts}, of methods that learnt from the demonstrations of a task's"
-        " first or second expert, in one size under both. The two come from two trainings by one"
-        " recipe. Letters compare methods under one expert.",
+        " first or second expert, in a size that ran under both, so not always that of other"
+        " tables. The two come from two trainings by one recipe. Letters compare methods under one"
+        " expert.",
         table=partial(by_expert, split=split),
         part="robustness",
         figure=lines,

@@ -413,7 +413,7 @@ def test_report_of_the_shipped_results_prints_full_paths(bench, tmp_path, monkey
 def test_the_shipped_results_can_be_compared(bench):
     code, out, err = bench("compare", "--reference", "--methods", "kodex,nn", "--json")
     assert code == 0
-    assert err.startswith("What the second expert of a task taught has tables of its own")
+    assert err.startswith("The first expert of each task taught these methods.")
     assert {(row["task"], row["split"]) for row in json.loads(out)} == set(
         product(TASKS, ("test", "ood"))
     )

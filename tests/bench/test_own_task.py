@@ -322,7 +322,7 @@ def test_a_task_with_the_name_of_a_method_is_refused(install, bench):
 
 
 def test_results_of_a_task_that_is_no_longer_installed_say_so(site):
-    with pytest.raises(InputError, match="known while that package is installed"):
+    with pytest.raises(InputError, match="known while its package is installed"):
         get_task("press")
 
 

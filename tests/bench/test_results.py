@@ -182,6 +182,8 @@ def test_non_finite_answers_are_stored_with_their_episodes(stored):
     assert [one.split(";")[0] for one in remarks(stored.results)] == [
         "kodex on door, seed 1: act returned NaN or inf for 3 of 4 starts, first at t=8"
     ]
+    assert len(remarks(stored.results, ["kodex"])) == 1
+    assert remarks(stored.results, ["nn"]) == []
     stored.writer.add_episodes(stored.fit, stored.evaluation, stored.episodes(2, 6), keep=2)
     ((spec, count, chunks),) = stored.results.non_finite()
     assert (spec["seed"], count, chunks) == (1, 6, [NonFinite(0, "act", 1, 30)])

@@ -207,3 +207,12 @@ def test_the_same_results_give_a_report_with_the_same_bytes(task, smoke, bench, 
     before = files_of(tmp_path)
     bench("report", str(tmp_path))
     assert files_of(tmp_path) == before
+
+
+def test_a_report_is_not_written_among_results(task, smoke, bench, tmp_path, files_of):
+    bench("run", "smoke", "--methods", "kodex", "--out", str(tmp_path), "--jobs", "1")
+    before = files_of(tmp_path)
+    code, _, err = bench("report", str(tmp_path), "--out", str(tmp_path))
+    assert code == 2
+    assert f"holds results: name another folder, such as {tmp_path / 'report'}" in err
+    assert files_of(tmp_path) == before

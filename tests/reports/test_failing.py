@@ -78,7 +78,7 @@ class TestFailures:
         assert code == 0
         assert "replaying 3 failed episodes: kodex, seed 1" in err
         assert "1:0, 1:3, 1:6" in out
-        path = results / "pictures" / f"failures-{task.name}.png"
+        path = results / "pictures" / f"failures-{task.name}-kodex-test.png"
         assert path.stat().st_size
         assert str(path) in out
         film = f"film: bench video {task.name} --results {results} --methods kodex"

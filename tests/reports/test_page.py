@@ -332,11 +332,11 @@ def test_figures_follow_the_theme(opened, report):
 
 
 def test_failing_start_has_a_film_or_the_command_that_makes_it(opened, tmp_path):
-    (tmp_path / "door-s1-start-19.mp4").touch()
+    (tmp_path / "door-kodex-s1-start-19.mp4").touch()
     view = opened()
     rows = view.locator("#failures tbody tr")
-    assert rows.first.locator("a").get_attribute("href") == "#film-door-s1-start-19"
-    (tmp_path / "door-s1-start-19.mp4").unlink()
+    assert rows.first.locator("a").get_attribute("href") == "#film-door-kodex-s1-start-19"
+    (tmp_path / "door-kodex-s1-start-19.mp4").unlink()
     view = opened()
     view.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
     command = view.locator("#failures td code").first

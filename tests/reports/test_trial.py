@@ -15,8 +15,10 @@ from resealed import pack_evaluations
 from bench.controller import ControllerConfig
 from bench.experiments import cells_of
 from bench.names import PLAIN
+from bench.packed import shipped
 from bench.results import Results as StoredResults
 from bench.studies import study_of
+from bench.study_demos import demos_keys_of
 from methods.kodex import Kodex
 from reports.results import Results
 from reports.trial import Trial
@@ -70,6 +72,16 @@ def tried(bench, *options):
     code, said, _ = bench("try", "kodex", *options, "--json")
     assert code == 0
     return json.loads(said)
+
+
+@pytest.mark.parametrize(("tried", "beside"), [("bc", True), ("nearest", False)])
+def test_closed_loop_methods_stand_beside_a_closed_loop_one_alone(task, tried, beside):
+    study = study_of("paper", experiments="success", tasks=task.name, methods=tried, seeds=1)
+    (cell,) = cells_of(study, demos_keys_of(study))
+    shown = Trial(cell, np.ones(20, bool))._others(Results(shipped())).method
+    assert {"kodex", "regression"} <= {*shown}
+    assert ({"bc", "chunk", "flow"} <= {*shown}) == beside
+    assert beside or not {"bc", "chunk", "flow"} & {*shown}
 
 
 def test_shipped_methods_are_shown_on_the_starts_of_the_trial(bench, reference):

@@ -39,7 +39,7 @@ def pictures(path, height, width):
 def test_film_shows_each_method_from_start_to_end_and_is_on_the_page(bench, task, results):
     code, out, err = bench("video", task.name, "--results", str(results), *CHOICE)
     assert (code, err) == (0, "")
-    path = results / "videos" / f"{task.name}-s1-start-1.mp4"
+    path = results / "videos" / f"{task.name}-expert-kodex-s1-start-1.mp4"
     assert out.split() == [str(path)]
     film = pictures(path, 352, 640)
     assert len(film) == task.horizon + 25
@@ -54,7 +54,7 @@ def test_film_shows_each_method_from_start_to_end_and_is_on_the_page(bench, task
 def test_default_films_show_one_success_and_one_failure(bench, task, results):
     code, out, _ = bench("video", task.name, "--results", str(results), "--methods", "kodex")
     assert code == 0
-    names = [f"{task.name}-s1-{what}.mp4" for what in ("success", "failure")]
+    names = [f"{task.name}-kodex-s1-{what}.mp4" for what in ("success", "failure")]
     assert out.split() == [str(results / "videos" / name) for name in names]
 
 
@@ -121,4 +121,7 @@ def test_method_with_two_settings_is_filmed_with_both(bench, task, results):
     bench("run", "smoke", "--tasks", "door", "--set", "kodex.observables=1", *options)
     names = ("--methods", "kodex:observables=1,kodex", "--start", "1")
     assert bench("video", "door", "--results", str(results), *names)[0] == 0
-    assert len(pictures(results / "videos/door-s1-start-1.mp4", 352, 640)) == task.horizon + 25
+    assert (
+        len(pictures(results / "videos/door-kodex_observables=1-kodex-s1-start-1.mp4", 352, 640))
+        == task.horizon + 25
+    )

@@ -2,7 +2,7 @@ import importlib
 
 import pytest
 
-from tasks.errors import LONGEST, described
+from tasks.errors import LONGEST, described, unknown_name
 
 
 def caught(call, *arguments):
@@ -118,3 +118,16 @@ def test_a_syntax_error_without_a_valid_file_is_described():
 
 def test_an_unprintable_class_name_is_escaped():
     assert described(type("A\nB", (Exception,), {})("x")) == r"A\nB: x"
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "hint"),
+    [
+        ("method", "KODEX", "did you mean 'kodex'?"),
+        ("method", "ndq", "did you mean 'ndp'?"),
+        ("method", "lonely", "known while its package is installed: pip install -e FOLDER"),
+        ("size", "lonely", "choose from kodex, ndp"),
+    ],
+)
+def test_an_unknown_name_gets_the_nearest_one_or_says_how_it_becomes_known(kind, name, hint):
+    assert str(unknown_name(kind, name, ["kodex", "ndp"])).endswith(hint)

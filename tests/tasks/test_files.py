@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from tasks.errors import InputError
-from tasks.files import new_path, whole_file, whole_folder, writable_file, writable_folder
+from tasks.files import (
+    file_name,
+    new_path,
+    whole_file,
+    whole_folder,
+    writable_file,
+    writable_folder,
+)
 
 FINDERS = [writable_folder, writable_file, new_path]
 
@@ -165,3 +172,10 @@ def test_everything_is_synced_before_it_appears(tmp_path, monkeypatch, write, be
         begin(path)
     assert len(synced) == count
     assert synced[-1] == tmp_path
+
+
+def test_a_name_for_a_file_has_no_separators_and_stays_short_and_distinct():
+    assert file_name(["door", "kodex:cutoff=1/2", "s1"]) == "door-kodex_cutoff=1_2-s1"
+    long, other = (file_name(["x" * 500, last]) for last in "ab")
+    assert long != other
+    assert len(long) == len(other) == 200
