@@ -73,7 +73,7 @@ def write_report(
     failed |= {f"claim {one.claim}": one.evidence for one in undecidable.itertuples()}
     _write_claims(claims, folder / "tables")
     try:
-        sentences = [*to_beat(results), *answer(results)]
+        sentences = [*answer(results), *to_beat(results)]
     except Exception as error:
         sentences, failed["the answer"] = [], described(error)
     submitted = submitted or Submitted()
