@@ -11,14 +11,15 @@ from reports.exhibit import Exhibit
 from reports.pairing import without_expert
 from reports.results import Results
 from reports.style import METHODS, ordered
-from reports.tables import table_of
+from reports.tables import in_order, table_of
 from tasks.registry import TASKS
 
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
     found = given_in_all(without_expert(results.rows.chosen(split="test")))
-    if found.demos.nunique() < 2:
+    found = found[found.groupby("task").demos.transform("nunique") > 1]
+    if found.empty:
         return table_of()
     return by_demos(results.episodes.rates(found, ["method", "demos", "task"]))
 
@@ -35,10 +36,9 @@ def given_in_all(found: pd.DataFrame) -> pd.DataFrame:
 
 def by_demos(found: pd.DataFrame) -> pd.DataFrame:
     """Returns values of methods, demos and tasks as rows "method demos" and columns "task"."""
-    order = {name: place for place, name in enumerate(ordered(found.method, METHODS))}
-    found = found.sort_values(["method", "demos"], key=lambda c: c.map(order).fillna(c))
     label = found.method + " " + found.demos.astype(str)
-    return found.assign(row=label).rename(columns={"task": "column"})
+    rows = [f"{m} {n}" for m in ordered(found.method, METHODS) for n in sorted(set(found.demos))]
+    return in_order(found.assign(row=label).rename(columns={"task": "column"}), rows)
 
 
 def figure(table: pd.DataFrame, exhibit: Exhibit) -> Figure:

@@ -315,6 +315,21 @@ def test_rows_that_are_compared_have_one_size_even_if_studies_had_two(results):
     }
 
 
+def test_efficiency_of_one_task_hides_neither_others_times_nor_shows_them_with_one_count(results):
+    part, frame = copy(results), results.frame
+    few = (frame.held_out > 0) | (frame.demos < 200)
+    part.frame = frame[~few | (frame.task == "door")]
+    part.frame = part.frame.assign(fit_seconds=part.frame.fit_seconds.where(~few))
+    part.rows = Rows(part.frame)
+    shown = BY_NAME["efficiency"].table(part)
+    assert set(shown.column) == {"door"}
+    assert {"nn 10", "nn 200"} <= {*shown.row}
+    timed = BY_NAME["efficiency_time"].table(part)
+    assert {"kodex 200", "nn 200", "regression 200"} <= {*timed.row}
+    assert set(timed.demos) == {200}
+    assert list(timed.column.unique()) == list(TASKS)
+
+
 def test_report_omits_exhibits_without_results(results, tmp_path):
     some = MadeUp()
     some.frame = results.frame[
