@@ -33,7 +33,7 @@ results: install ## Write the tables and figures of the shipped results into the
 	$(BIN)/bench report --reference --out build/reference
 	$(BIN)/python docs/refresh.py build/reference README.md docs/results.md docs/beyond_the_paper.md
 	$(BIN)/python docs/run_notebook.py docs/explore-results.ipynb
-	cd build/reference/figures && cp success.png figure_5.png table_9.png two_experts_test.png disturbed.png $(CURDIR)/docs/images
+	cd build/reference/figures && cp success.png figure_5.png table_9.png two_experts_test.png disturbed.png efficiency.png $(CURDIR)/docs/images
 
 benchmark: install-dev ## Measure speed against peers, half an hour
 	$(BIN)/pytest benchmarks --timeout 0 --benchmark-columns=median,iqr,rounds
