@@ -39,7 +39,7 @@ class AdroitTask(Task):
 
     @property
     def variations(self) -> tuple[str, ...]:
-        """Those of appendix I; only `audit` compares other readings of it."""
+        """Those of appendix I; only the experiment `readings` compares others of it."""
         return VARIATIONS
 
     @abstractmethod

@@ -78,7 +78,7 @@ def _readings(changes: dict[str, Change]) -> dict[str, Change]:
 
 
 READINGS = {task: _readings(changes) for task, changes in CHANGES.items()}
-"""By task. The experiment `audit` measures how much the interpretation matters."""
+"""By task. The experiment `readings` measures how much the interpretation matters."""
 
 
 def all_changes(task: str) -> dict[str, Change]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from scipy.stats import ttest_1samp
 
 import bench
 from bench.packed import shipped
@@ -243,7 +244,9 @@ def test_success_of_methods_trained_as_in_the_authors_code():
             assert cell.startswith(f"{found[0]}, {found[1]} ("), (method, task)
     nn = published.query("method == 'nn'")
     diverged, episodes = nn["diverged"].sum(), nn["episodes"].sum()
-    assert f"In {diverged} of {episodes:,} such episodes its motion diverges" in TEXT
+    assert f"{diverged} of {episodes:,} episodes diverge" in TEXT
+    assert f"In four of the {len(nn)} fits" in TEXT.replace("twelve", "12")
+    assert (nn["diverged"] > 0).sum() == 4
 
 
 def test_success_from_few_demonstrations():
@@ -256,6 +259,17 @@ def test_success_from_few_demonstrations():
     rows = rows[rows.set_index(keys).index.isin(few.set_index(keys).index)]
     means = success_of(rows.assign(common=few["episodes"].min()), ["method", "task", "given"])
     shown = table("## Few demonstrations")
+    by_seed = success_of(rows.assign(common=200), ["task", "given", "method", "seed"])["door"]
+    for given, better, worse, said in (
+        (10, "regression", "kodex", "behind Regression by {} points [{}, {}]"),
+        (10, "ndp", "kodex", "behind NDP by {} [{}, {}]"),
+        (10, "kodex", "ngf", "ahead of NGF by {} [{}, {}]"),
+        (50, "kodex", "ndp", "ahead of NDP by {} [{}, {}]"),
+        (50, "kodex", "nn", "of NN by {} [{}, {}]"),
+    ):
+        ahead = (by_seed[given][better] - by_seed[given][worse]).dropna()
+        low, high = ttest_1samp(ahead, 0).confidence_interval()
+        assert said.format(*(f"{one:.1f}" for one in (ahead.mean(), low, high))) in TEXT
     assert len(shown) == 7
     for method, cells in shown.items():
         for task, cell in zip(few["task"].unique(), cells, strict=True):
