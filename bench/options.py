@@ -53,10 +53,11 @@ def results_folder(folder: Path, packed: bool = False) -> Path:
     Raises:
         InputError: it does not exist, is a file, or holds no results of that kind.
     """
+    wanted = "name a results folder of `bench run`" + " or `bench pack`" * packed
     if not os.path.lexists(folder):
-        raise InputError(f"{folder} does not exist: name a results folder of `bench run`")
+        raise InputError(f"{folder} does not exist: {wanted}")
     if not os.path.isdir(folder):
-        raise InputError(f"{folder} is not a folder: name a results folder of `bench run`")
+        raise InputError(f"{folder} is not a folder: {wanted}")
     small = os.path.exists(folder / "evaluations.parquet")
     if small and not packed:
         raise InputError(
