@@ -44,6 +44,13 @@ def test_report_of_the_shipped_results_has_every_method(report):
     assert "Reduced protocol" not in (report / "index.html").read_text()
 
 
+def test_efficiency_shows_every_method_on_each_of_its_tasks(report):
+    table = pd.read_csv(report / "tables/efficiency.csv")
+    learnt = {*pd.read_csv(report / "tables/success.csv").row} - {"expert"}
+    for task, rows in table.groupby("column"):
+        assert {*rows.method} == learnt, task
+
+
 def test_every_claim_has_a_verdict_on_the_shipped_results(report):
     assert not set(pd.read_csv(report / "tables/claims.csv").ours) & {"not run", "failed"}
 

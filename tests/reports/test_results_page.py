@@ -259,15 +259,19 @@ def test_success_from_few_demonstrations():
     rows = rows[rows.set_index(keys).index.isin(few.set_index(keys).index)]
     means = success_of(rows.assign(common=few["episodes"].min()), ["method", "task", "given"])
     shown = table("## Few demonstrations")
-    by_seed = success_of(rows.assign(common=200), ["task", "given", "method", "seed"])["door"]
-    for given, better, worse, said in (
-        (10, "regression", "kodex", "behind Regression by {} points [{}, {}]"),
-        (10, "ndp", "kodex", "behind NDP by {} [{}, {}]"),
-        (10, "kodex", "ngf", "ahead of NGF by {} [{}, {}]"),
-        (50, "kodex", "ndp", "ahead of NDP by {} [{}, {}]"),
-        (50, "kodex", "nn", "of NN by {} [{}, {}]"),
+    by_seed = success_of(rows.assign(common=200), ["task", "given", "method", "seed"])
+    for task, given, better, worse, said in (
+        ("door", 10, "regression", "kodex", "behind Regression by {} points [{}, {}]"),
+        ("door", 10, "ndp", "kodex", "behind NDP by {} [{}, {}]"),
+        ("door", 10, "kodex", "ngf", "ahead of NGF by {} [{}, {}]"),
+        ("reorientation", 10, "kodex", "lstm", "ahead of LSTM by {} [{}, {}]"),
+        ("reorientation", 10, "kodex", "ndp", "of NDP by {} [{}, {}]"),
+        ("door", 50, "kodex", "ndp", "ahead of NDP by {} [{}, {}]"),
+        ("door", 50, "kodex", "nn", "of NN by {} [{}, {}]"),
+        ("reorientation", 50, "kodex", "lstm", "ahead of LSTM by {} [{}, {}]"),
+        ("reorientation", 50, "kodex", "ngf", "of NGF by {} [{}, {}]"),
     ):
-        ahead = (by_seed[given][better] - by_seed[given][worse]).dropna()
+        ahead = (by_seed[task, given][better] - by_seed[task, given][worse]).dropna()
         low, high = ttest_1samp(ahead, 0).confidence_interval()
         assert said.format(*(f"{one:.1f}" for one in (ahead.mean(), low, high))) in TEXT
     assert len(shown) == 7
