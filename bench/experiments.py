@@ -115,7 +115,7 @@ def variants(study: Study, chosen: Sizes) -> list[Cell]:
 
 
 def rules(study: Study, chosen: Sizes) -> list[Cell]:
-    """Success as the published code judges it, on the tasks where it has a rule of its own."""
+    """Success by the rules of the appendix and of the published code, where these differ."""
     tasks = tuple(task for task in study.tasks if task in JUDGED_OTHERWISE)
     fits = chosen_fits(replace(study, tasks=tasks), chosen)
     judged = [Conditions("test", rule=rule) for rule in (APPENDIX, PUBLISHED)]

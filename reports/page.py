@@ -25,7 +25,7 @@ NONCE = "kodex-bench"
 """Admits the page's own style and script. All other text is escaped, and the content policy blocks
 what would slip through."""
 SUCCESS, BEYOND = "success", "beyond"
-"""The exhibit that the page opens with."""
+"""The exhibits that the page opens with."""
 _FOLLOWS = {
     **dict.fromkeys(("#000000", "#262626", INK), "currentColor"),
     "#ffffff": "var(--paper)",
