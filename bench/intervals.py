@@ -1,5 +1,7 @@
 """The interval of a success rate, and a test of two fits from the same starts."""
 
+from functools import cache
+
 from scipy.stats import binomtest
 
 from tasks.data import BoolArray
@@ -7,6 +9,7 @@ from tasks.data import BoolArray
 CONFIDENCE = 0.95
 
 
+@cache
 def wilson(successes: int, episodes: int) -> tuple[float, float]:
     """Returns the 95% Wilson interval of a rate, as fractions."""
     interval = binomtest(successes, episodes).proportion_ci(CONFIDENCE, method="wilson")

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import pandas as pd
 
 from methods.registry import TO_BEAT
-from reports.exhibits.success import success_by_method, success_of
 from reports.multiple import LEVEL
 from reports.pairing import keep_common, same_seeds, without_expert
 from reports.pairs import pairs_of
@@ -25,21 +24,24 @@ Gaps = dict[Pair, tuple[float, float]]
 """Interval of the difference in points, by better and worse method, for pairs told apart."""
 
 
-def answer(results: Results) -> list[str]:
+def answer(results: Results, success: pd.DataFrame) -> list[str]:
     """Returns one sentence for each task with results on test starts.
 
     It names the method with the most success, those that cannot be told apart from it, and how far
     the others are behind it. The expert does not take part.
+
+    Args:
+        results: of a run.
+        success: the table of `reports.exhibits.success`.
     """
     found = without_expert(keep_common(results.rows.main(split="test")))
-    shown = success_by_method(results, "test")
     sentences = []
     for task in ordered(found.task, TASKS):
         here = found[found.task == task]
         if not same_seeds(here):
             sentences.append(f"{display(task)}: methods have different seeds, so none is ahead.")
             continue
-        column = shown[shown.column == task].set_index("row").value
+        column = success[success.column == task].set_index("row").value
         rates = {method: float(column[method]) for method in ordered(here.method, METHODS)}
         pairs = pairs_of(results, here)
         names = {method: results.display(method) for method in rates}
@@ -49,32 +51,34 @@ def answer(results: Results) -> list[str]:
     return sentences
 
 
-def to_beat(results: Results) -> list[str]:
+def to_beat(results: Results, success: pd.DataFrame, beyond: pd.DataFrame) -> list[str]:
     """Returns a sentence on the line to beat, and one on closed-loop methods.
 
     Each is left out if the results have no such methods.
+
+    Args:
+        results: of a run.
+        success: the table of `reports.exhibits.success`.
+        beyond: the table of all methods of `reports.exhibits.beyond`.
     """
-    shown = success_by_method(results, "test").set_index(["row", "column"]).value
-    simple = [
-        f"{results.display(method)} {_by_task(shown[method])}"
-        for method in TO_BEAT
-        if method in shown.index
+    simple = _rates(results, success[success.row.isin(TO_BEAT)])
+    closed = _rates(results, beyond[beyond.row.isin(results.rows.beyond)])
+    kinds = {
+        "The line to beat": simple,
+        "Closed-loop methods, which see states on the way": closed,
+    }
+    return [f"{kind}: {'; '.join(rates)}." for kind, rates in kinds.items() if rates]
+
+
+def _rates(results: Results, table: pd.DataFrame) -> list[str]:
+    return [
+        f"{results.display(method)} {_by_task(part)}"
+        for method, part in table.groupby("row", sort=False)
     ]
-    said = [f"The line to beat: {'; '.join(simple)}."] if simple else []
-    if results.rows.beyond:
-        every = success_of(results, results.rows.of_all(split="test"))
-        beyond = every[every.row.isin(results.rows.beyond)]
-        rates = [
-            f"{results.display(method)} {_by_task(part.set_index('column').value)}"
-            for method, part in beyond.groupby("row", sort=False)
-        ]
-        if rates:
-            said.append(f"Closed-loop methods, which see states on the way: {'; '.join(rates)}.")
-    return said
 
 
-def _by_task(values: "pd.Series[float]") -> str:
-    return _listed([f"{value:.1f}% ({display(str(task))})" for task, value in values.items()])
+def _by_task(rates: pd.DataFrame) -> str:
+    return _listed([f"{one.value:.1f}% ({display(one.column)})" for one in rates.itertuples()])
 
 
 def _gaps(pairs: pd.DataFrame) -> Gaps:

@@ -24,7 +24,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 NONCE = "kodex-bench"
 """Admits the page's own style and script. All other text is escaped, and the content policy blocks
 what would slip through."""
-SUCCESS, BEYOND = "success", "beyond"
+OPENING = SUCCESS, BEYOND = "success", "beyond"
 """The exhibits that the page opens with."""
 _FOLLOWS = {
     **dict.fromkeys(("#000000", "#262626", INK), "currentColor"),

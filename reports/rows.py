@@ -131,4 +131,6 @@ def _of_size(found: pd.DataFrame, sizes: Mapping[Place, str]) -> pd.DataFrame:
 
 
 def _with_most_demos(found: pd.DataFrame) -> pd.DataFrame:
+    if found.demos.nunique() < 2:
+        return found  # most selections are such, and grouping them takes long
     return found[found.demos == found.groupby(["task", "method"]).demos.transform("max")]

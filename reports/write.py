@@ -1,26 +1,31 @@
 """Writes a report: tables as CSV, Markdown and LaTeX, figures as PNG, PDF and SVG, and the page."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
 import pandas as pd
+from joblib import Parallel, delayed
 
+from bench.cores import count_jobs
 from bench.doing import say
 from reports.answer import answer, to_beat
 from reports.exhibit import MARK, Exhibit
 from reports.exhibits import EXHIBITS
-from reports.page import render
+from reports.page import OPENING, render
 from reports.results import Results
 from reports.style import style
 from reports.submitted_rows import Submitted
+from reports.tables import table_of
 from reports.verdicts import FAILED, verdicts
 from tasks.errors import described
 
 _DATED = {"png": (), "pdf": ("CreationDate",), "svg": ("Date",)}
 """File endings of figures, with the metadata to leave out: the date."""
+_FIGURES_A_PROCESS = 8
+"""Fewer figures are drawn faster here than in a process that must start for them."""
 _COMMANDS = {"±": r"$\pm$", MARK: r"$^\dagger$"}
 """LaTeX commands, by sign."""
 
@@ -56,26 +61,26 @@ def write_report(
     """
     exhibits = [exhibit.with_remarks(results) for exhibit in EXHIBITS]
     tables, failed = _tables(results, exhibits)
-    written = []
+    tabulated = [exhibit for exhibit in exhibits if exhibit.name in tables]
+    reasons = _write_all(tabulated, tables, folder)
     for exhibit in exhibits:
-        _remove(exhibit, folder)
-        if exhibit.name in tables:
-            say(f"writing {exhibit.title}")
-            try:
-                written.append(_write(exhibit, tables[exhibit.name], folder))
-            except Exception as error:
-                _remove(exhibit, folder)
-                del tables[exhibit.name]
-                failed[exhibit.title] = described(error)
+        if exhibit.name not in tables:
+            _remove(exhibit, folder)
     say("judging the claims of the paper")
     claims = verdicts(results)
+    try:
+        sentences = _sentences(results, tables)
+    except Exception as error:
+        sentences, failed["the answer"] = [], described(error)
+    for exhibit, reason in zip(tabulated, reasons, strict=True):
+        say(f"drawing {exhibit.title}")
+        if reason:
+            del tables[exhibit.name]
+            failed[exhibit.title] = reason
+    written = [folder / "tables" / f"{name}.md" for name in tables]
     undecidable = claims[claims.ours == FAILED]
     failed |= {f"claim {one.claim}": one.evidence for one in undecidable.itertuples()}
     _write_claims(claims, folder / "tables")
-    try:
-        sentences = [*answer(results), *to_beat(results)]
-    except Exception as error:
-        sentences, failed["the answer"] = [], described(error)
     submitted = submitted or Submitted()
     failed |= {f"submitted row {name}": reason for name, reason in submitted.refused.items()}
     figures, page = folder / "figures", folder / "index.html"
@@ -84,6 +89,14 @@ def write_report(
     for title, reason in failed.items():
         print(f"bench: left out: {title}: {reason}", file=sys.stderr)
     return Report(written, failed, sentences, page)
+
+
+def _sentences(results: Results, tables: Mapping[str, pd.DataFrame]) -> list[str]:
+    """Returns the answer that the tables give; nothing if success is not among them."""
+    success, beyond = (tables.get(name, table_of()) for name in OPENING)
+    if success.empty:
+        return []
+    return [*answer(results, success), *to_beat(results, success, beyond)]
 
 
 def _tables(
@@ -103,11 +116,33 @@ def _tables(
     return tables, failed
 
 
-def _write(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
-    path = _write_table(exhibit, table, folder / "tables")
-    if exhibit.axis:
-        _write_figure(exhibit, table, folder / "figures")
-    return path
+def _write_all(
+    exhibits: Sequence[Exhibit], tables: Mapping[str, pd.DataFrame], folder: Path
+) -> Iterator[str]:
+    """Begins to write exhibits, in processes beside this one if there are many figures.
+
+    Yields:
+        Why an exhibit could not be written, empty if it was, in the order of the exhibits.
+    """
+    figures = sum(bool(exhibit.axis) for exhibit in exhibits)
+    processes = min(count_jobs(), max(1, figures // _FIGURES_A_PROCESS))
+    reasons: Iterator[str] = Parallel(processes, return_as="generator")(
+        delayed(_write)(exhibit, tables[exhibit.name], folder) for exhibit in exhibits
+    )
+    return reasons
+
+
+def _write(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> str:
+    """Writes an exhibit over that of an earlier report. Returns why it failed, or nothing."""
+    _remove(exhibit, folder)
+    try:
+        _write_table(exhibit, table, folder / "tables")
+        if exhibit.axis:
+            _write_figure(exhibit, table, folder / "figures")
+    except Exception as error:
+        _remove(exhibit, folder)
+        return described(error)
+    return ""
 
 
 def _remove(exhibit: Exhibit, folder: Path) -> None:
@@ -125,13 +160,12 @@ def _write_claims(claims: pd.DataFrame, folder: Path) -> None:
     (folder / "claims.md").write_text(f"## Claims of the paper\n\n{lines}\n")
 
 
-def _write_table(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
+def _write_table(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     caption, wide = exhibit.caption(table), exhibit.wide(table)
     table.to_csv(folder / f"{exhibit.name}.csv", index=False)
-    path = folder / f"{exhibit.name}.md"
     markdown = wide.to_markdown(index=False, disable_numparse=True)
-    path.write_text(f"## {exhibit.title}\n\n{markdown}\n\n{caption}\n")
+    (folder / f"{exhibit.name}.md").write_text(f"## {exhibit.title}\n\n{markdown}\n\n{caption}\n")
     latex = wide.style.hide(axis="index").format(escape="latex")
     latex.format_index(escape="latex", axis="columns")
     text = latex.to_latex(
@@ -140,7 +174,6 @@ def _write_table(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> Path:
     for sign, command in _COMMANDS.items():
         text = text.replace(sign, command)
     (folder / f"{exhibit.name}.tex").write_text(text)
-    return path
 
 
 def _escape(text: str) -> str:

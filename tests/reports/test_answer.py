@@ -23,6 +23,12 @@ class MadeUp(Results):
         return frame.assign(task="door", episodes=100)
 
 
+def table_of_door(rates):
+    """Returns the table of success of methods with these rates."""
+    table = pd.DataFrame({"row": rates.keys(), "value": map(float, rates.values())})
+    return table.assign(column="door")
+
+
 @pytest.fixture
 def said(monkeypatch):
     """Returns the answer for methods with these rates, of which only some pairs are told apart."""
@@ -38,13 +44,8 @@ def said(monkeypatch):
             columns = ["left", "right", "difference", "low", "high", "p_holm"]
             return pd.DataFrame(rows, columns=columns)
 
-        def success_by_method(results, split):
-            table = pd.DataFrame({"row": rates.keys(), "value": map(float, rates.values())})
-            return table.assign(column="door")
-
         monkeypatch.setattr(module, "pairs_of", pairs_of)
-        monkeypatch.setattr(module, "success_by_method", success_by_method)
-        (sentence,) = answer(MadeUp(rates, seeds))
+        (sentence,) = answer(MadeUp(rates, seeds), table_of_door(rates))
         return sentence
 
     return answer_of
@@ -64,7 +65,8 @@ def test_methods_are_compared_on_the_starts_that_their_table_shows(said, monkeyp
     monkeypatch.setattr(
         module, "pairs_of", lambda *given: (counts.extend(given[1].episodes), pairs_of(*given))[1]
     )
-    answer(MadeUp({"kodex": 90, "nn": 92}, 5))
+    rates = {"kodex": 90, "nn": 92}
+    answer(MadeUp(rates, 5), table_of_door(rates))
     assert set(counts) == {20}
 
 
@@ -105,14 +107,19 @@ def test_answer_of_one_seed_says_what_it_speaks_of(said):
     assert sentence.endswith("(85.0 to 90.0%) (this fit and this controller only).")
 
 
-def test_closed_loop_methods_have_a_sentence_of_their_own(monkeypatch):
-    rates = {"kodex": 96, "bc": 95.04, "flow": 90}
-    table = pd.DataFrame({"row": ["expert", *rates], "value": [100.0, *rates.values()]})
-    table = table.assign(column="door")
-    for name in ("success_by_method", "success_of"):
-        monkeypatch.setattr(module, name, lambda results, split: table)
-    results = MadeUp(rates, 3)
-    results.beyond, results.of_all = {"bc", "flow"}, results.main
-    assert module.to_beat(results) == [
+def test_closed_loop_methods_have_a_sentence_of_their_own():
+    results = MadeUp({"kodex": 96, "bc": 95.04, "flow": 90}, 3)
+    results.beyond = {"bc", "flow"}
+    every = table_of_door({"expert": 100, "kodex": 96, "bc": 95.04, "flow": 90})
+    assert module.to_beat(results, table_of_door({"expert": 100, "kodex": 96}), every) == [
         "Closed-loop methods, which see states on the way: BC 95.0% (Door); Flow 90.0% (Door)."
+    ]
+
+
+def test_line_to_beat_is_that_of_the_simplest_methods():
+    results = MadeUp({}, 3)
+    results.beyond = set()
+    table = table_of_door({"kodex": 96, "nearest": 80, "regression": 90.06})
+    assert module.to_beat(results, table, table[:0]) == [
+        "The line to beat: Nearest 80.0% (Door); Regression 90.1% (Door)."
     ]

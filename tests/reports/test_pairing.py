@@ -118,4 +118,4 @@ def test_methods_with_other_seeds_get_no_letters_and_no_place_in_the_answer():
     table = success_of(unlike, unlike.frame)
     assert table.set_index("row").seeds.to_dict() == {"m4": 3, "m3": 3, "m5": 1}
     assert set(table.letters) == {""}
-    assert answer(unlike) == ["Door: methods have different seeds, so none is ahead."]
+    assert answer(unlike, table) == ["Door: methods have different seeds, so none is ahead."]

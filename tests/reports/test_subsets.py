@@ -208,14 +208,50 @@ def test_unreadable_diagnostics_remove_only_their_own_exhibits(kind, tmp_path, c
     assert "has stored" in reason
 
 
-@pytest.mark.parametrize("part", ["table", "figure"])
-def test_exhibit_that_fails_removes_no_other(part, tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def two(monkeypatch):
+    """The only exhibits of reports."""
+    found = [e for e in EXHIBITS if e.name in ("success", "figure_5")]
+    monkeypatch.setattr(write, "EXHIBITS", found)
+    return found
+
+
+def draw_beside(monkeypatch):
+    """Has reports drawn in two processes beside this one."""
+    monkeypatch.setenv("BENCH_JOBS", "2")
+    monkeypatch.setattr(write, "_FIGURES_A_PROCESS", 1)
+
+
+def test_figures_are_the_same_however_many_processes_draw_them(two, tmp_path, monkeypatch):
+    results = Subset(only(method="mine"))
+    write_report(results, tmp_path / "here")
+    draw_beside(monkeypatch)
+    assert write_report(results, tmp_path / "beside").failed == {}
+    files = [path for path in (tmp_path / "here").rglob("*") if path.is_file()]
+    assert {path.suffix for path in files} == {
+        ".csv",
+        ".md",
+        ".tex",
+        ".png",
+        ".pdf",
+        ".svg",
+        ".html",
+    }
+    for path in files:
+        other = tmp_path / "beside" / path.relative_to(tmp_path / "here")
+        assert path.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("part", "beside"), [("table", False), ("figure", False), ("figure", True)]
+)
+def test_exhibit_that_fails_removes_no_other(part, beside, two, tmp_path, monkeypatch, capsys):
     def fail(*arguments):
         raise ZeroDivisionError("no such luck")
 
-    success, figure_5 = (e for e in EXHIBITS if e.name in ("success", "figure_5"))
-    monkeypatch.setattr(write, "EXHIBITS", (success, figure_5))
-    monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
+    success, figure_5 = two
+    if beside:
+        draw_beside(monkeypatch)
     results = Subset(only(method="mine"))
     before = write_report(results, tmp_path)
     assert (len(before.written), before.failed) == (2, {})
