@@ -43,7 +43,7 @@ reliability: install-dev ## Kill, interrupt and damage runs some 200 times, hour
 		tests/bench/test_fuzz.py tests/bench/test_hostile.py tests/methods/test_kodex.py -m 'not release' --times 200 --timeout 0
 
 same-bits: install-dev ## Check that this processor computes the bits of others, and note it, half an hour
-	$(BIN)/pytest tests/bench/test_same_bits.py -m 'long or not long' --timeout 0
+	$(BIN)/pytest tests/bench/test_same_bits.py tests/bench/test_emulated.py -m 'long or not long' --timeout 0
 	$(BIN)/python tests/helpers/same_bits.py
 
 release: install-dev ## Build wheel and sdist and try each in an empty environment, minutes

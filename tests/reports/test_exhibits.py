@@ -15,6 +15,7 @@ from bench.names import CONDITIONS
 from bench.presets import get_preset
 from methods.nn import NN
 from methods.registry import SUITE
+from reports import write
 from reports.exhibit import Exhibit
 from reports.exhibits import EXHIBITS
 from reports.exhibits.starts import OUTCOMES
@@ -272,7 +273,9 @@ def lines_of_intervals(drawing):
     return found
 
 
-def test_report_writes_each_exhibit_in_each_format(results, tmp_path):
+def test_report_writes_each_exhibit(results, tmp_path, monkeypatch):
+    """Reports of the shipped results are those that draw in each format."""
+    monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     made = write_report(results, tmp_path)
     shown = [exhibit for exhibit in EXHIBITS if exhibit.name != NEEDS_FITS]
     assert (len(made.written), made.failed) == (len(shown), {})
@@ -281,9 +284,8 @@ def test_report_writes_each_exhibit_in_each_format(results, tmp_path):
             assert (tmp_path / f"tables/{exhibit.name}.{ending}").stat().st_size
     claims = (tmp_path / "tables/claims.md").read_text()
     assert "On Relocation, KODex does marginally better with set 2 than with set 3" in claims
-    drawn = [exhibit for exhibit in shown if exhibit.axis]
-    for ending in ("png", "pdf", "svg"):
-        assert len(list((tmp_path / "figures").glob(f"*.{ending}"))) == len(drawn)
+    drawn = {exhibit.name for exhibit in shown if exhibit.axis}
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == drawn
 
 
 def test_rows_that_are_compared_have_one_size_even_if_studies_had_two(results):

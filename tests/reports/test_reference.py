@@ -12,6 +12,7 @@ import bench
 from bench.packed import SHIPPED
 from bench.selection import SIZES
 from methods.registry import get_method
+from reports.exhibits import EXHIBITS
 
 ROOT = Path(__file__).parents[2]
 REPORT = """
@@ -42,6 +43,15 @@ def test_shipped_results_are_smaller_than_10_mib():
 def test_report_of_the_shipped_results_has_every_method(report):
     assert set(pd.read_csv(report / "tables/success.csv").row) >= {"expert", "kodex", "nn", "ngf"}
     assert "Reduced protocol" not in (report / "index.html").read_text()
+
+
+def test_report_has_each_figure_in_each_format(report):
+    figures = {path.stem for path in report.glob("figures/*.png")}
+    tables = {path.stem for path in report.glob("tables/*.csv")}
+    assert figures == {exhibit.name for exhibit in EXHIBITS if exhibit.axis} & tables
+    for ending in ("pdf", "svg"):
+        assert {path.stem for path in report.glob(f"figures/*.{ending}")} == figures
+    assert all(path.stat().st_size for path in report.glob("figures/*"))
 
 
 def test_efficiency_shows_every_method_on_each_of_its_tasks(report):
