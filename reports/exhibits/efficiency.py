@@ -14,6 +14,9 @@ from reports.style import METHODS, ordered
 from reports.tables import in_order, table_of
 from tasks.registry import TASKS
 
+BESIDE = 1.015
+"""Distance of a method from the next, as a factor, on the logarithmic x-axis."""
+
 
 def table(results: Results) -> pd.DataFrame:
     """Returns a row for each method and number of demonstrations, and a column for each task."""
@@ -58,9 +61,10 @@ def draw_lines(table: pd.DataFrame, exhibit: Exhibit) -> Figure:
     methods = table.method.drop_duplicates().tolist()
     counts = sorted(table.demos.unique())
     for task, axes in panels.items():
-        for method in methods:
+        for place, method in enumerate(methods):
             part = table[(table.column == task) & (table.method == method)]
-            add_line(axes, part.demos, part, method, methods, exhibit)
+            x = part.demos * BESIDE ** (place - (len(methods) - 1) / 2)
+            add_line(axes, x, part, method, methods, exhibit)
         axes.set(xscale="log")
         axes.set_xticks(counts, _tick_labels(counts), fontsize=9)
         axes.minorticks_off()
