@@ -1,7 +1,8 @@
 """Writes a report: tables as CSV, Markdown and LaTeX, figures as PNG, PDF and SVG, and the page."""
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,6 +63,7 @@ def write_report(
     exhibits = [exhibit.with_remarks(results) for exhibit in EXHIBITS]
     tables, failed = _tables(results, exhibits)
     tabulated = [exhibit for exhibit in exhibits if exhibit.name in tables]
+    say("drawing figures")
     reasons = _write_all(tabulated, tables, folder)
     for exhibit in exhibits:
         if exhibit.name not in tables:
@@ -73,7 +75,6 @@ def write_report(
     except Exception as error:
         sentences, failed["the answer"] = [], described(error)
     for exhibit, reason in zip(tabulated, reasons, strict=True):
-        say(f"drawing {exhibit.title}")
         if reason:
             del tables[exhibit.name]
             failed[exhibit.title] = reason
@@ -118,18 +119,21 @@ def _tables(
 
 def _write_all(
     exhibits: Sequence[Exhibit], tables: Mapping[str, pd.DataFrame], folder: Path
-) -> Iterator[str]:
-    """Begins to write exhibits, in processes beside this one if there are many figures.
+) -> list[str]:
+    """Writes exhibits, in several processes if there are many figures.
 
-    Yields:
+    If a process dies, which may be for want of memory, all are written in this one.
+
+    Returns:
         Why an exhibit could not be written, empty if it was, in the order of the exhibits.
     """
-    figures = sum(bool(exhibit.axis) for exhibit in exhibits)
-    processes = min(count_jobs(), max(1, figures // _FIGURES_A_PROCESS))
-    reasons: Iterator[str] = Parallel(processes, return_as="generator")(
-        delayed(_write)(exhibit, tables[exhibit.name], folder) for exhibit in exhibits
-    )
-    return reasons
+    useful = sum(bool(exhibit.axis) for exhibit in exhibits) // _FIGURES_A_PROCESS
+    processes = min(count_jobs(), useful) if useful > 1 else 1
+    calls = [delayed(_write)(exhibit, tables[exhibit.name], folder) for exhibit in exhibits]
+    try:
+        return list(Parallel(processes)(calls))
+    except BrokenProcessPool:
+        return list(Parallel(1)(calls))
 
 
 def _write(exhibit: Exhibit, table: pd.DataFrame, folder: Path) -> str:

@@ -3,7 +3,7 @@
 import pytest
 
 
-@pytest.fixture(autouse=True, scope="session")
+@pytest.fixture(autouse=True, scope="module")
 def _one_process():
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BENCH_JOBS", "1")

@@ -274,7 +274,7 @@ def lines_of_intervals(drawing):
 
 
 def test_report_writes_each_exhibit(results, tmp_path, monkeypatch):
-    """Reports of the shipped results are those that draw in each format."""
+    """Each format is drawn from the shipped results."""
     monkeypatch.setattr(write, "_DATED", {"svg": ("Date",)})
     made = write_report(results, tmp_path)
     shown = [exhibit for exhibit in EXHIBITS if exhibit.name != NEEDS_FITS]

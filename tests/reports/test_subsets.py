@@ -1,5 +1,6 @@
 """Reports of any subset of methods, tasks, experiments, sizes and seeds."""
 
+import os
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cache
@@ -242,13 +243,34 @@ def test_figures_are_the_same_however_many_processes_draw_them(two, tmp_path, mo
         assert path.read_bytes() == other.read_bytes()
 
 
+def test_figures_are_drawn_here_if_a_process_dies(two, tmp_path, monkeypatch):
+    """As one does for which there is no memory."""
+    success, figure_5 = two
+    here = os.getpid()
+
+    def die_elsewhere(*arguments):
+        if os.getpid() != here:
+            os._exit(1)
+        return success.figure(*arguments)
+
+    monkeypatch.setattr(write, "EXHIBITS", (replace(success, figure=die_elsewhere), figure_5))
+    draw_beside(monkeypatch)
+    made = write_report(Subset(only(method="mine")), tmp_path)
+    assert made.failed == {}
+    assert {path.stem for path in tmp_path.glob("figures/*.pdf")} == {"success", "figure_5"}
+
+
 @pytest.mark.parametrize(
     ("part", "beside"), [("table", False), ("figure", False), ("figure", True)]
 )
 def test_exhibit_that_fails_removes_no_other(part, beside, two, tmp_path, monkeypatch, capsys):
-    def fail(*arguments):
-        raise ZeroDivisionError("no such luck")
+    here = os.getpid()
 
+    def fail(*arguments):
+        place = "here" if os.getpid() == here else "beside"
+        raise ZeroDivisionError(f"no such luck {place}")
+
+    place = "beside" if beside else "here"
     success, figure_5 = two
     if beside:
         draw_beside(monkeypatch)
@@ -259,7 +281,7 @@ def test_exhibit_that_fails_removes_no_other(part, beside, two, tmp_path, monkey
     made = write_report(results, tmp_path)
     (reason,) = made.failed.values()
     assert list(made.failed) == ["Success on test starts"]
-    assert reason.startswith("ZeroDivisionError: no such luck (test_subsets.py:")
+    assert reason.startswith(f"ZeroDivisionError: no such luck {place} (test_subsets.py:")
     assert [path.stem for path in made.written] == ["figure_5"]
     assert not list(tmp_path.rglob("success.*"))
     assert "bench: left out: Success on test starts: Zero" in capsys.readouterr().err
