@@ -1,9 +1,8 @@
 """Prints digests of small computations, for an emulated processor, which is slow."""
 
-import hashlib
 from dataclasses import replace
 
-from same_bits import SEED
+from same_bits import SEED, sha256
 
 from methods.guard import guarded
 from methods.registry import SUITE, get_method
@@ -35,16 +34,12 @@ class Watched:
         return self.policy.act(simulator, step)
 
 
-def digest(*contents: bytes) -> str:
-    return hashlib.sha256(b"".join(contents)).hexdigest()
-
-
 def episodes(task_name: str) -> str:
     """Returns a digest of all states of episodes of the expert."""
     task = get_task(task_name)
     expert = Watched(load_expert(task).policy)
     found = rollout(task, task.sample("test", STARTS, SEED), expert, chunk=STARTS, threads=1)
-    return digest(*(states.tobytes() for states in expert.states), found.readings.tobytes())
+    return sha256(*(states.tobytes() for states in expert.states), found.readings.tobytes())
 
 
 def fit(name: str) -> str:
@@ -56,7 +51,7 @@ def fit(name: str) -> str:
     with guarded(name):
         method = kind(config, LAYOUT)
         method.fit(toy(10, 20), toy(30, 5), SEED)
-        return digest(to_bytes(method.parameters()), answer(method).tobytes())
+        return sha256(to_bytes(method.parameters()), answer(method).tobytes())
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
     with guarded("demonstrations"):
         demos = make_demos(task, load_expert(task).policy, TRAINING + VALIDATION, SEED, threads=1)
     arrays = (demos.starts.values, demos.states, demos.velocities, demos.actions)
-    yield "demonstrations", hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()
+    yield "demonstrations", sha256(*(a.tobytes() for a in arrays))
     training, validation = split(demos)
     for name in SUITE:
         kind = get_method(name)
@@ -54,16 +54,16 @@ def digests(task_name: str, controller: bool = True) -> Iterator[tuple[str, str]
             method = kind(config, task.layout)
             method.fit(learnt_from, validation, SEED)
             answers = answer(method, validation)
-        yield name, _sha256(to_bytes(method.parameters()))
-        yield f"{name} answers", hashlib.sha256(answers.tobytes()).hexdigest()
+        yield name, sha256(to_bytes(method.parameters()))
+        yield f"{name} answers", sha256(answers.tobytes())
     if controller:
         with guarded("controller"):
             weights = train_controller(ControllerConfig(), training, task_name, SEED)
-        yield "controller", _sha256(to_bytes(weights))
+        yield "controller", sha256(to_bytes(weights))
 
 
-def _sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+def sha256(*contents: bytes) -> str:
+    return hashlib.sha256(b"".join(contents)).hexdigest()
 
 
 def expected() -> dict[str, dict[str, str]]:
